@@ -332,8 +332,8 @@ class Asked:
         if self._given is None and 'record' not in self.__dict__:
             return None, []
         begin, finish = self.record.part(start, end)
-        struck = [i.t for i in self.record.piece.impacts if begin <= i.t <= finish]
-        return self.record.machine.mechanism, struck
+        impact_times = [i.t for i in self.record.piece.impacts if begin <= i.t <= finish]
+        return self.record.machine.mechanism, impact_times
 
     def names(self) -> Iterator[Name]:
         """All that can be asked for: of the motion, then sensors, then fields of messages."""

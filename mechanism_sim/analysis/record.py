@@ -35,7 +35,7 @@ from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.quantity import Quantity
-from mechanism_sim.results.run import Piece, signal_table
+from mechanism_sim.results.run import Piece, part_of, signal_table
 from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.spectra import TurnSegments
@@ -257,14 +257,7 @@ class Record(Revolutions):
 
     def part(self, start: float | None, end: float | None) -> tuple[float, float]:
         """Start and end [s] of a part of the run; those of the run where they are None."""
-        begin, finish = (self.start if start is None else start, self.end if end is None else end)
-        slack = 1e-9 * max(1.0, self.end)
-        if not self.start - slack <= begin < finish <= self.end + slack:
-            raise InputError(
-                f'from {begin:g} s to {finish:g} s is not within the run, which goes from '
-                f'{self.start:g} s to {self.end:g} s'
-            )
-        return max(begin, self.start), min(finish, self.end)
+        return part_of(self.start, self.end, start, end)
 
     def columns(
         self, names: str | Sequence[str], t: Array | None = None, *, turns: Array | None = None

@@ -39,16 +39,18 @@ def option(parser: Options, flags: str, metavar: str, text: str, default: object
     parser.add_argument(*flags.split(), metavar=metavar, type=kind, default=value, help=text)
 
 
-def time_option(parser: Options, flag: str, text: str, dest: str | None = None) -> None:
+def time_option(
+    parser: Options, flag: str, text: str, dest: str | None = None, default: float | None = None
+) -> None:
     """Add an option for a time: in seconds, or with a unit."""
     own: dict[str, Any] = {'dest': dest} if dest else {}
-    said = f"{text} (in seconds, or as '20 ms')"
-    parser.add_argument(flag, metavar='S', type=partial(_in_unit, 's'), help=said, **own)
+    said, kind = f"{text} (in seconds, or as '20 ms')", partial(_in_unit, 's')
+    parser.add_argument(flag, metavar='S', type=kind, default=default, help=said, **own)
 
 
-def rate_option(parser: Options, flag: str, text: str) -> None:
+def rate_option(parser: Options, flag: str, text: str, example: str = '1 kHz') -> None:
     """Add an option for a rate: in Hz, or with a unit."""
-    said = f"{text} (in Hz, or as '1 kHz')"
+    said = f"{text} (in Hz, or as '{example}')"
     parser.add_argument(flag, metavar='HZ', type=partial(_in_unit, 'Hz'), help=said)
 
 
@@ -56,10 +58,6 @@ def _in_unit(unit: str, text: str) -> float:
     """A number in an SI unit, or a quantity."""
     from mechanism_sim.units import to_si  # noqa: PLC0415
 
-    try:
-        return float(text)
-    except ValueError:
-        pass
     try:
         return to_si(text, unit)
     except ValueError as error:

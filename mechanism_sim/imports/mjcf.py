@@ -370,7 +370,7 @@ class _MjcfReader:
         """Actuators of a speed, whose controls the first keyframe has."""
         key = self._root.find('keyframe/key')
         control = (key.get('ctrl') if key is not None else None) or ''
-        values = [float(x) for x in control.split()]
+        values = [number(x) for x in control.split()]
         for k, actuator in enumerate(self._root.findall('actuator/*')):
             given = self._given(actuator)
             joint, name = given.get('joint'), given.get('name') or actuator.tag

@@ -12,7 +12,7 @@ from mechanism_sim.analysis.collectors import (
     FieldRange,
     SensorSummary,
 )
-from mechanism_sim.analysis.details import Details, Struck
+from mechanism_sim.analysis.details import Details, ImpactDetails
 from mechanism_sim.analysis.published import PARTS, PartSummary, PublishedRange
 from mechanism_sim.analysis.roses import WearMap
 from mechanism_sim.analysis.summary import ImpactSummary, Summary
@@ -301,8 +301,8 @@ def _detail_sections(details: Details) -> Iterator[Section]:
         title = f'{name} over the angle of the {drive}: {turns.text} of {n // turns.turns} angles'
         columns = f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'
         yield Section(title, table=[columns, *means])
-    for name, struck in details.impacts.items():
-        yield from _struck(name, struck, drive)
+    for name, hits in details.impacts.items():
+        yield from _impact_details(name, hits, drive)
     for name, (bushing, pin) in details.wear.items():
         yield from (_map(f'bushing of {name}', bushing), _map(f'pin of {name}', pin))
     for name, beside in details.deviations.items():
@@ -320,8 +320,8 @@ def _detail_sections(details: Details) -> Iterator[Section]:
             )
 
 
-def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
-    rose, cycles = struck.rose, struck.cycles
+def _impact_details(name: str, hits: ImpactDetails, drive: str) -> Iterator[Section]:
+    rose, cycles = hits.rose, hits.cycles
     angles = rose.crank_angle, rose.on_pin, rose.on_bushing
     largest: list[Sequence[Cell]] = [
         (str(i), float(rose.normal_impulse[k]), float(rose.time[k]),

@@ -348,7 +348,7 @@ class _Bushing(Lens):
         self._force = -frames.forces[:, k].T if known else np.zeros((2, len(t)))
         self._largest = float(np.nanmax(np.hypot(*self._force), initial=0.0)) or 1.0
         own = gaps_of(machine.mechanism, joint, machine.physics.clearances)
-        self._struck = np.array([i.t for i in record.piece.impacts if i.joint in own])
+        self._impact_times = np.array([i.t for i in record.piece.impacts if i.joint in own])
         many = _POINTS * len(t)
         self._times = instants(record.piece, float(t[0]), float(t[-1]), 0.0, many, many)
         # from the bushing's centre to the pin's (2, N), in radii of the bushing
@@ -391,7 +391,9 @@ class _Bushing(Lens):
         self._arrow.set_offsets(pin)
         self._arrow.set_UVC(arrow[:1], arrow[1:])
         self._arrow.set_visible(bool(np.hypot(*arrow) > 1e-3))
-        before = np.searchsorted(self._struck, [now - _FLASH * self._pace, now], side='right')
+        before = np.searchsorted(
+            self._impact_times, [now - _FLASH * self._pace, now], side='right'
+        )
         self._rim.set_facecolor(FLASH if before[1] > before[0] else self._fill)
 
 

@@ -109,7 +109,7 @@ class FigureAccumulator:
         ]
         self._true = {f.argument: 0.0 for f in figures if f.function == 'share'}
         self._span = 0.0
-        self._struck = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
+        self._impact_works = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
         self._parts: dict[str, list[Monotone]] = {
             f.argument: [] for f in figures if f.function == 'percentile'
         }
@@ -165,10 +165,10 @@ class FigureAccumulator:
             kept.append(part)
         if self._true:
             self._time_true(piece, every, parts)
-        for impact in piece.impacts if self._struck else ():
+        for impact in piece.impacts if self._impact_works else ():
             if since <= impact.t < until and len(self._machine.physics.driven) == 1:
-                for a in self._struck:
-                    self._struck[a] += impact.drive_work
+                for a in self._impact_works:
+                    self._impact_works[a] += impact.drive_work
         if self._ends:
             first, self._last = (
                 self._values(piece, self._arguments, *curve.find(t))[0][:, 0]
@@ -346,7 +346,7 @@ class FigureAccumulator:
         i = rows.index(row)
         if kind == 'work':
             unit, e = 'J', found.integral(i)
-            e = e._replace(value=e.value + self._struck[name])
+            e = e._replace(value=e.value + self._impact_works[name])
         elif kind == 'integral':
             unit, e = product(unit, 's'), found.integral(i)
         else:

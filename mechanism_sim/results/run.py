@@ -514,6 +514,20 @@ def prepare(machine: Machine) -> None:
     next(runner.to(1e-6 * min(machine.drive.period, 1.0), batch=Batch(1, 1)))
 
 
+def part_of(
+    first: float, last: float, start: float | None, end: float | None
+) -> tuple[float, float]:
+    """Start and end [s] of a part of a run from `first` to `last`; those where they are None."""
+    begin, finish = (first if start is None else start), (last if end is None else end)
+    slack = 1e-9 * max(1.0, last)
+    if not first - slack <= begin < finish <= last + slack:
+        raise InputError(
+            f'from {begin:g} s to {finish:g} s is not within the run, which goes from {first:g} s '
+            f'to {last:g} s'
+        )
+    return max(begin, first), min(finish, last)
+
+
 def instants(
     piece: Piece, start: float, end: float, density: Array | float, fewest: int, most: int,
     events: int | None = None, steps: bool = False,

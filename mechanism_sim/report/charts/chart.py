@@ -161,7 +161,7 @@ class Panel:
     form : ``equal`` where both axes have one scale; ``polar``, with a direction and a size
     height : [in]
     scale : panels of the same one have the same range of y
-    struck : x of impacts, marked at the upper edge
+    impact_times : x of impacts, marked at the upper edge
     """
 
     x: Axis
@@ -172,16 +172,16 @@ class Panel:
     height: float = PANEL
     scale: str = ''
     marks: tuple[Mark, ...] = ()
-    struck: Array = field(default_factory=lambda: NOTHING)
+    impact_times: Array = field(default_factory=lambda: NOTHING)
 
     @property
     def entries(self) -> list[str]:
         """The legend: labels in order, and impacts; none for a single one that is said."""
         labels = dict.fromkeys(c.label for c in self.curves if c.label)
         found = [label for label in labels if label != self.title]
-        found += ['impact'] * bool(len(self.struck))
+        found += ['impact'] * bool(len(self.impact_times))
         said = f'{self.title} {self.x.words} {self.y.words}'
-        return [] if len(found) == 1 and found[0] in said and not len(self.struck) else found
+        return [] if len(found) == 1 and found[0] in said and not len(self.impact_times) else found
 
     @property
     def free(self) -> float:

@@ -154,14 +154,14 @@ def colours(names: Iterable[str], numbers: Mapping[str, int]) -> Iterator[int]:
 
 def panels(
     series: Sequence[Series], over: Abscissa, numbers: Mapping[str, int],
-    struck: Array = NOTHING, reach: Mapping[str, Array] = MappingProxyType({}),
+    impact_times: Array = NOTHING, reach: Mapping[str, Array] = MappingProxyType({}),
 ) -> list[Panel]:  # fmt: skip
     """Lines of one unit: in a panel, or of many one for each link or joint, of the same scale.
 
     Parameters
     ----------
     numbers : of links and joints, for their colours
-    struck : (N,) times that are marked [s]
+    impact_times : (N,) times that are marked [s]
     reach : by name places [deg], least and greatest values (3, N) there of all turns, SI
     """
     owners = {s.line: f'{s.name}.{s.of}' for s in series}
@@ -184,7 +184,7 @@ def panels(
         )  # fmt: skip
         found.append(_shaped(panel, over, [s.name for s in series]))
     if not over.of:
-        found[0] = replace(found[0], struck=marks(over, struck))
+        found[0] = replace(found[0], impact_times=marks(over, impact_times))
     return found
 
 
@@ -389,9 +389,9 @@ def chart(
         if s not in bands:
             units.setdefault(si[s.unit].unit, []).append(s)
     found: list[Panel] = []
-    struck = np.asarray(impacts, np.float64)
+    impact_times = np.asarray(impacts, np.float64)
     for lines in units.values():
-        found += panels(_in_one_unit(lines, si), over, numbers, NOTHING if found else struck)
+        found += panels(_in_one_unit(lines, si), over, numbers, NOTHING if found else impact_times)
     if bands:
         found.append(modes({replace(s, name=_parts(s)[1]).line: Spells.of(s) for s in bands}))
     if over.kind == 'time':
