@@ -502,7 +502,7 @@ def instant(
 
 
 def _time_at(cycle: Cycle, value: float) -> float:
-    """When a drive is first at a position [rad, m] in a cycle; of an angle turns do not count."""
+    """Time at which a drive is first at a position [rad, m]; whole turns do not count."""
     name = f'position.{cycle.drive}'
     way = cycle.at(cycle.t, [name])[name]
     low, high, unit, scale = float(way.min()), float(way.max()), 'mm', 1e3

@@ -30,7 +30,7 @@ _LOOKS = np.linspace(0.0, 1.0, 9)
 _CANDIDATES = 3
 """Nearest places seen, of which each is refined: paths cross themselves."""
 _AGAIN = 1e-6
-"""Of the size of the machine, or a radian: within this a path has come again."""
+"""Share of the size of the machine, or of a radian, within which a path has come again."""
 _REFINED = 8
 """Steps of Newton's method from there; each doubles the digits."""
 _TIMED = {'angle': 'rad', 't': 's'}
@@ -155,7 +155,7 @@ class PathDistances:
                 squares[rows, k] = np.inf
 
     def _compare(self, begin: float, first: float, last: float, values: Values) -> None:
-        """See after which periods from an instant [s] on the path has come again."""
+        """Enter the periods from an instant [s] on after which the path has come again."""
         for period in (0.0, *self._periods):
             t = np.clip([begin + period], first, last)
             if abs(t[0] - begin - period) <= _slack(last):
