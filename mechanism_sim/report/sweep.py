@@ -98,8 +98,8 @@ def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
 
 
 def _given(value: Any, unit: str) -> str:
-    """A swept value as the file has it; of a design with the unit in which people read it."""
-    if not isinstance(value, float) or not unit:
+    """A swept value as the file has it; a number with the unit in which people read it."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not unit:
         return str(value)
     shown, scale = for_people(unit)
     return f'{scale * value:.6g} {shown}'

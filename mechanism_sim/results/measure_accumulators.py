@@ -279,7 +279,8 @@ class FigureAccumulator:
         """The value of a figure of this window, and its resolution."""
         name, kind, note = f.argument, f.function, EXACT
         if f in self._distances:
-            return self._distances[f].result(largest=kind == 'largest_distance'), note
+            x, why = self._distances[f].result(largest=kind == 'largest_distance')
+            return x, why or note
         if kind in EXTREMES:
             own, search = next(x for x in self._searches if name in x[0])
             i = own.index(name)

@@ -10,8 +10,9 @@ from typing import Any
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.facts import unit_at, value_at
+from mechanism_sim.scene.facts import value_at
 from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.load import unit_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.units import QuantityValue, parted
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import math
+import pickle
 import re
 
 import numpy as np
@@ -34,6 +35,15 @@ def nominal():
     return ms.cycle(
         ms.load_scene('four_bar_nominal'), points=['coupler.end', 'rocker.end'], local=True
     )
+
+
+def test_a_cycle_goes_over_the_names_of_its_table(nominal):
+    """It asked for the column 0."""
+    assert list(nominal) == list(nominal.table())
+    assert 'drive_torque' in nominal
+    assert 'drive_torqe' not in nominal
+    nominal.rms('drive_torque')
+    assert pickle.loads(pickle.dumps(nominal)).rms('drive_torque') == nominal.rms('drive_torque')
 
 
 def slope(function, t):
