@@ -5,6 +5,7 @@ It closes the loops itself, by the machine's own closures in JavaScript.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -78,7 +79,7 @@ def page(
     text = render(
         'ideal.html.jinja',
         scene=machine.name,
-        source=source or machine.name,
+        source=shlex.quote(source or machine.name),
         title=machine.scene.title,
         description=machine.scene.description.strip(),
         style=styles('stage', 'style', 'live', 'ideal'),
