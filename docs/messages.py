@@ -33,7 +33,8 @@ def fields(reading: type) -> list[tuple[str, str]]:
         array, comment = hint, ''
         if get_origin(hint) is Annotated:
             array, told = get_args(hint)
-            comment = ' '.join([' or '.join(f'[{u}]' for u in told.units if u), told.words])
+            words = told.words.format(first='the first link', second='the second link')
+            comment = ' '.join([' or '.join(f'[{u}]' for u in told.units if u), words])
         found.append((f'{TYPES[_scalar(array)]} {name}', comment.strip()))
     return found
 

@@ -33,7 +33,7 @@ from mechanism_sim.csv_tables import CsvTable, assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
 from mechanism_sim.tables import ENDINGS
-from mechanism_sim.units import QuantityValue, to_si
+from mechanism_sim.units import QuantityValue, parted, to_si
 
 _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
@@ -47,7 +47,6 @@ GRAVITY = QuantityValue(9.80665, 'm/s^2')
 GRAVITIES = 'g', 'gn', 'g_0'
 """Units of acceleration in g; 'g' is a gram otherwise."""
 _PURPOSE = 'this kind of signal'
-_QUANTITY = re.compile(r'([-+\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)')
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,13 +307,6 @@ def _is_date(cell: str) -> bool:
     return False
 
 
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan
-
-
 def _wav(path: Path, full_scale: str, scaled: bool) -> list[ChannelSamples]:
     from scipy.io import wavfile  # noqa: PLC0415 - slow to load
 
@@ -330,8 +322,8 @@ def _wav(path: Path, full_scale: str, scaled: bool) -> list[ChannelSamples]:
     values, unit = np.atleast_2d(data.T).astype(float), ''
     whole = data.dtype.kind in 'iu'
     if (whole and scaled) or full_scale:
-        given = _QUANTITY.fullmatch(full_scale.strip())
-        largest, unit = (_number(given[1]), given[2]) if given else (np.nan, '')
+        number, unit = parted(full_scale) or ('', '')
+        largest = float(number) if unit else np.nan
         if not 0.0 < largest < np.inf:
             what = f"not '{full_scale}'" if full_scale else 'as it has whole numbers'
             raise InputError(f"{path}: give what the largest number is, {what}: write for example "

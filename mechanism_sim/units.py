@@ -266,6 +266,12 @@ def to_si_text(value: object) -> QuantityValue:
     return read_common(match[1], unit) if unit else QuantityValue(float(match[1]), '')
 
 
+def parted(text: str) -> tuple[str, str] | None:
+    """The number and the unit of a quantity as they are written; None of another text."""
+    found = _NUMBER.fullmatch(text)
+    return (found[1], found[2].strip()) if found else None
+
+
 def as_revolutions(value: Any) -> Any:
     """A text in ``1/min`` as one in rpm, which it is where a rotational speed is wanted."""
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None

@@ -26,6 +26,9 @@ OPTIONS = (
 EVIDENCE = 'MECHANISM_SIM_EVIDENCE'
 """Environment variable: the folder where screenshots are kept; none, and they go with the test."""
 
+PAGE_TIMEOUT = 180.0
+"""[s] Longest wait for a page, on a machine that is busy with much else."""
+
 
 def program() -> str | None:
     """The browser of this machine, if it has one."""
@@ -44,6 +47,7 @@ class Tab:
 
     def __init__(self, page: Any, folder: Path) -> None:
         self.page, self._folder = page, folder
+        page.set_default_timeout(1e3 * PAGE_TIMEOUT)
         self.complaints: list[str] = []
         self.requests: list[str] = []
         page.on('console', self._listen)

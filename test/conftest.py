@@ -186,6 +186,5 @@ def browser() -> Iterator[Any]:
 def tab(browser: Any, tmp_path: Path) -> Iterator[Tab]:
     """A fresh page of 1200 by 800 pixels, without anything kept of others."""
     context = browser.new_context(viewport={'width': 1200, 'height': 800})
-    context.set_default_timeout(20_000.0)
     yield Tab(context.new_page(), tmp_path)
     context.close()

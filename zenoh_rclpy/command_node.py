@@ -47,6 +47,7 @@ PATIENCE = 10.0
 _LOOK = 0.05  # [s] between two looks at the graph
 _QUIET = 0.4  # [s] in which nothing new appears: the graph is known
 _BEAT = 0.1  # [s] between two looks for a signal
+_LONGEST = 1e9  # [s] of a sleep
 _LAST = 60.0  # [s] that subscriptions get to take in what was published
 
 _NAME = 'zros_'  # of nodes of commands, before a number
@@ -358,9 +359,12 @@ class CommandNode:
             known = [n for n, _ in self.topics() if self.node.count_subscribers(n)]
             _check_type(full, kind, self.node.get_subscriptions_info_by_topic(full))
             raise missing(f'nobody subscribes to {full}', full, known, MiddlewareError)
+        due = time.monotonic()
         for k in range(count or sys.maxsize):
             if k:
-                time.sleep(1.0 / rate)
+                # what publishing takes is no part of the period; nothing that is late is made up
+                due = max(due + 1.0 / rate, now := time.monotonic())
+                time.sleep(min(due - now, _LONGEST))
             publisher.publish(message)
             told()
         if not publisher.wait_for_all_acked(Duration(seconds=_LAST)):

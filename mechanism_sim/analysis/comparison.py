@@ -50,7 +50,10 @@ class Difference:
 
 def compare(*records: Record) -> list[Difference]:
     """Differences of runs, each all over its own length."""
-    figures = [_figures(record) for record in records]
+    figures = [
+        {**_impacts(record), **_peaks(record), **_energy(record), **dict(_sensors(record))}
+        for record in records
+    ]
     for record, own in zip(records[1:], figures[1:], strict=True):
         if not any(key in own for key in figures[0] if key[1]):
             raise InputError(
@@ -73,10 +76,6 @@ def compare(*records: Record) -> list[Difference]:
 
 Key = tuple[str, str, str, str]
 """Subject, of what, which figure, unit."""
-
-
-def _figures(record: Record) -> dict[Key, float]:
-    return {**_impacts(record), **_peaks(record), **_energy(record), **dict(_sensors(record))}
 
 
 def _impacts(record: Record) -> dict[Key, float]:

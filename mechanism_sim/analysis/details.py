@@ -107,7 +107,7 @@ class Average:
 
 
 @dataclass(frozen=True, eq=False)
-class Struck:
+class ImpactDetails:
     """The impacts of a joint, one by one and turn by turn."""
 
     rose: Rose
@@ -134,7 +134,7 @@ class Details:
     orders: dict[str, SignalSpectrum] = field(default_factory=dict)
     envelopes: dict[str, SignalSpectrum] = field(default_factory=dict)
     averages: dict[str, Average] = field(default_factory=dict)
-    impacts: dict[str, Struck] = field(default_factory=dict)
+    impacts: dict[str, ImpactDetails] = field(default_factory=dict)
     wear: dict[str, tuple[WearMap, WearMap]] = field(default_factory=dict)  #: bushing, pin
     deviations: dict[str, Beside] = field(default_factory=dict)
 
@@ -212,13 +212,18 @@ def find_details(
         record.machine.plan.main,
         rate,
         {name: _spectrum(signal(name)) for name in wanted.spectra},
-        {name: _orders(record, name, skip) for name in wanted.orders},
+        {
+            name: SignalSpectrum(
+                order_spectrum(record.over_turns(name, skip=skip)), record.unit(name)
+            )
+            for name in wanted.orders
+        },
         {name: _envelope(signal(name), wanted.band, turn) for name in wanted.envelopes},
         {
             name: Average(_repetitions(record, name, skip), record.unit(name))
             for name in wanted.averages
         },
-        {name: _struck(record, name, skip) for name in wanted.impacts},
+        {name: _impact_details(record, name, skip) for name in wanted.impacts},
         {
             name: wear_maps(record, name, pin_radius=wanted.pin_radius, skip=skip)
             for name in wanted.wear
@@ -292,12 +297,6 @@ def _spectrum(signal: _Samples) -> SignalSpectrum:
     return SignalSpectrum(lines, f'({unit or 1})^2/Hz', signal_unit=unit)
 
 
-def _orders(record: Record, sensor: str, skip: int) -> SignalSpectrum:
-    return SignalSpectrum(
-        order_spectrum(record.over_turns(sensor, skip=skip)), record.unit(sensor)
-    )
-
-
 def _repetitions(record: Record, name: str, skip: int) -> TurnSegments:
     """A quantity over as many turns as bring all again: two of a four-stroke engine."""
     again, turns = record.machine.drive.repetition.turns, record.over_turns(name, skip=skip)
@@ -326,9 +325,9 @@ def _envelope(
     return SignalSpectrum(found, f'({signal.unit or 1})^2', band, share, signal.unit)
 
 
-def _struck(record: Record, joint: str, skip: int) -> Struck:
+def _impact_details(record: Record, joint: str, skip: int) -> ImpactDetails:
     rose = impact_rose(record, joint, skip)
-    return Struck(rose, impact_cycles(record, rose, skip) if record.has_turns else None)
+    return ImpactDetails(rose, impact_cycles(record, rose, skip) if record.has_turns else None)
 
 
 def _beside(record: Record, quantity: str, skip: int, against: Record | None) -> Beside:

@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import TWO_PI, exact_sum
 from mechanism_sim.results.cycle import is_steady
-from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
@@ -129,18 +127,15 @@ def ideal_record(record: Record, since: float | None = None) -> Record:
         return Record(ideal, simulate(ideal, duration=record.end), {})
     skipped = often * again.turns * period
     run = simulate(ideal, duration=max(record.end - skipped, again.turns * period))
-    return Record(ideal, replace(run, motion=_later(run, skipped, often)), {})
-
-
-def _later(run: Solution, skipped: float, often: int) -> Motion:
-    """Motion of a repeating machine, shifted by a number of repetitions, which last [s]."""
+    # the motion so many repetitions later: angles by whole turns
     curve, slides = run.motion.curve, run.physics.displacements
     first, last = curve(np.array([0.0, skipped / often]))
     angles = ~np.isin(run.physics.coordinates, [*slides])
     turns = often * np.where(angles, np.round((last - first) / TWO_PI), 0.0).astype(np.int64)
     start, low = exact_sum(np.full(len(curve), skipped), curve.start_low, curve.start)
     moved = replace(curve, start=start, start_low=low, turns=curve.turns + turns)
-    return replace(run.motion, curve=moved)
+    later = replace(run.motion, curve=moved)
+    return Record(ideal, replace(run, motion=later), {})
 
 
 def deviation(

@@ -310,7 +310,12 @@ class Asked:
             for name, path in zip(names, paths, strict=True)
             if not path and name not in self.record.sensors
         }
-        motion = self._sampled(dict.fromkeys(chain(*of_motion.values())), start, end, also)
+        motion: dict[str, Series] = {}
+        if wanted := [*dict.fromkeys(chain(*of_motion.values()))]:  # at times that draw all
+            begin, finish = self.record.part(start, end)
+            rate = 0.0 if self.record.slides else self.record.rate
+            lines = drawn(self.record.piece, wanted, begin, finish, rate, also)
+            motion = {s.name: s for s in lines}
         for name, path in zip(names, paths, strict=True):
             if path:
                 found += next(messages)
@@ -327,8 +332,8 @@ class Asked:
         if self._given is None and 'record' not in self.__dict__:
             return None, []
         begin, finish = self.record.part(start, end)
-        struck = [i.t for i in self.record.piece.impacts if begin <= i.t <= finish]
-        return self.record.machine.mechanism, struck
+        impact_times = [i.t for i in self.record.piece.impacts if begin <= i.t <= finish]
+        return self.record.machine.mechanism, impact_times
 
     def names(self) -> Iterator[Name]:
         """Names of all quantities: of the motion, then sensors, then fields of messages."""
@@ -354,21 +359,6 @@ class Asked:
             raise InputError(
                 f"there is no '{name}'{nearest(name, known)}; without a name all are listed"
             ) from None
-
-    def _sampled(
-        self,
-        names: Iterable[str],
-        start: float | None,
-        end: float | None,
-        also: Sequence[Series],
-    ) -> dict[str, Series]:
-        """Quantities of the motion by name, sampled at times close enough to draw all of them."""
-        if not (names := [*names]):
-            return {}
-        record = self.record
-        begin, finish = record.part(start, end)
-        rate = 0.0 if record.slides else record.rate
-        return {s.name: s for s in drawn(record.piece, names, begin, finish, rate, also)}
 
     def _path(self, name: str) -> MessagePath | None:
         return _path_in(self._bag, name, self._namespace) if self._bag else None

@@ -35,7 +35,7 @@ from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.quantity import Quantity
-from mechanism_sim.results.run import Piece, signal_table
+from mechanism_sim.results.run import Piece, part_of, signal_table
 from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.spectra import TurnSegments
@@ -257,14 +257,7 @@ class Record(Revolutions):
 
     def part(self, start: float | None, end: float | None) -> tuple[float, float]:
         """Start and end [s] of a part of the run; those of the run where they are None."""
-        begin, finish = (self.start if start is None else start, self.end if end is None else end)
-        slack = 1e-9 * max(1.0, self.end)
-        if not self.start - slack <= begin < finish <= self.end + slack:
-            raise InputError(
-                f'from {begin:g} s to {finish:g} s is not within the run, which goes from '
-                f'{self.start:g} s to {self.end:g} s'
-            )
-        return max(begin, self.start), min(finish, self.end)
+        return part_of(self.start, self.end, start, end)
 
     def columns(
         self, names: str | Sequence[str], t: Array | None = None, *, turns: Array | None = None
@@ -538,7 +531,11 @@ def pieces(
             values = _IMPACT(message)
             impacts.append(Impact._make((*values[:_WORK], np.nan, *values[_WORK:])))
         elif kind == 'mode_changes':
-            modes.append(_mode_change(bag, message))
+            try:
+                pair = Mode(message.mode), Mode(message.previous_mode)
+            except ValueError as error:
+                raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
+            modes.append(ModeChange(message.time, message.joint, *pair))
         elif kind == 'motion':
             names, motion = (tuple(message.coordinates), tuple(message.joints)), motion_of(message)
             begins = message.run, math.inf, 0.0
@@ -559,14 +556,6 @@ def pieces(
             others[kind](message)
     if impacts or modes:
         yield RecordedPiece(impacts=impacts, modes=modes)
-
-
-def _mode_change(bag: Bag, message: Any) -> ModeChange:
-    try:
-        modes = Mode(message.mode), Mode(message.previous_mode)
-    except ValueError as error:
-        raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
-    return ModeChange(message.time, message.joint, *modes)
 
 
 def gaps(curve: PiecewisePolynomial) -> list[tuple[float, float]]:

@@ -21,6 +21,7 @@ from mechanism_sim.cli.options import (
     skip_option,
     skipped_time,
     skipped_turns,
+    time_option,
     workers_options,
 )
 from mechanism_sim.cli.source import namespace_option, warn_if_incomplete, warn_of_gaps
@@ -39,13 +40,13 @@ def add(command: Command) -> None:
     sub = command('bag play', _play, 'publish the messages of a bag, as its nodes did')
     sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
     option(sub, '--rate', 'R', 'recorded seconds per second; 0: as fast as possible', 1.0)
-    option(sub, '--from', 'S', 'begin at this time after the first message', 0.0)
-    option(sub, '--delay', 'S', 'wait before the first message', 0.0)
+    time_option(sub, '--from', 'begin at this time after the first message', default=0.0)
+    time_option(sub, '--delay', 'wait before the first message', default=0.0)
     sub.add_argument(
         '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
     )
     rate_option(sub, '--clock', 'also publish /clock if the bag has none')
-    option(sub, '--timeout', 'S', 'longest time to wait for subscriptions', 10.0)
+    time_option(sub, '--timeout', 'longest time to wait for subscriptions', default=10.0)
     sub = command(
         'bag recover', _recover, 'close a bag whose recorder was killed, or that is damaged'
     )
@@ -85,9 +86,14 @@ _DETAILS = (
 )  # fmt: skip
 
 
+_MOST = 1e9
+"""Seconds of a delay, and recorded seconds per second, at most."""
+
+
 def _play(options: argparse.Namespace) -> int:
-    if options.rate < 0.0 or options.delay < 0.0:
-        raise InputError('--rate and --delay must not be negative')
+    for name in ('rate', 'delay'):
+        if not 0.0 <= (given := getattr(options, name)) <= _MOST:
+            raise InputError(f'--{name} {given:g}: from 0 to {_MOST:g}')
     if not options.timeout > 0.0:
         raise InputError('--timeout must be positive')
     from mechanism_sim.nodes.player import playable, player  # noqa: PLC0415

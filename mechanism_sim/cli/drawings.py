@@ -66,8 +66,8 @@ def add(command: Command) -> None:
     option(
         sub,
         '--at',
-        'ANGLE|TIME',
-        "where to draw it, as '30 deg' of the drive or '20 ms'; the start if not given",
+        'ANGLE|WAY|TIME',
+        "where to draw it, as '30 deg' or '60 mm' of the drive, or '20 ms' (else its start)",
     )
     option(sub, '--positions', 'K', 'number of positions; all but one are drawn faint', 1)
     look_options(sub, 'all')
@@ -120,8 +120,7 @@ def _cycle(options: argparse.Namespace) -> int:
         tables.check_file('--output', options.output)
     machine = read_machine(options)
     say_turns(options, machine, of_cycle=True)
-    unit = 'm' if machine.plan.main in machine.plan.ideal.displacements else 'rad'
-    at = quantity('--at', options.at, unit)[0] if options.at else None
+    at = quantity('--at', options.at, _unit_of_drive(machine))[0] if options.at else None
     with progress.busy('cycle', options.json) as say:
         start = at if at is not None and is_steady(machine) else None
         found = cycle(
@@ -152,6 +151,11 @@ def _cycle(options: argparse.Namespace) -> int:
     )
 
 
+def _unit_of_drive(machine: Machine) -> str:
+    """SI unit of the position of the main drive."""
+    return 'm' if machine.plan.main in machine.plan.ideal.displacements else 'rad'
+
+
 _PICTURE = 'at', 'positions', 'path', 'duration', 'labels', 'magnify'
 
 
@@ -169,11 +173,12 @@ def _draw(options: argparse.Namespace) -> int:
     file = figures.check_picture('--output', options.output or f'{machine.name}.svg')
     if options.positions < 1:
         raise InputError('--positions must be at least 1')
-    value, unit = quantity('--at', options.at, 'rad', 's') if options.at else (None, '')
+    of_drive = _unit_of_drive(machine)
+    value, unit = quantity('--at', options.at, of_drive, 's') if options.at else (None, '')
     with progress.busy('draw', options.json), figures.style():
         found, t = instant(
             machine,
-            value if unit == 'rad' else None,
+            value if unit == of_drive else None,
             value if unit == 's' else None,
             options.duration,
             options.path,
@@ -203,23 +208,18 @@ def _profile(options: argparse.Namespace) -> int:
     return print_result(options, sheet, lambda _: data, profile.render)
 
 
-def _format(options: argparse.Namespace) -> str:
-    """The format that is asked for, or that of the ending of the file."""
-    if options.format:
-        return str(options.format)
-    ending = Path(options.output or '').suffix
-    if ending not in FORMATS:
-        raise InputError(
-            f'export: give --format, or a file that ends in {", ".join(FORMATS)}'
-            f'{f", not {ending}" if ending else ""}'
-        )
-    return FORMATS[ending]
-
-
 def _export(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    viewers, options.format = ('foxglove', 'rviz'), _format(options)
+    viewers = ('foxglove', 'rviz')
+    if not options.format:
+        ending = Path(options.output or '').suffix
+        if ending not in FORMATS:
+            raise InputError(
+                f'export: give --format, or a file that ends in {", ".join(FORMATS)}'
+                f'{f", not {ending}" if ending else ""}'
+            )
+        options.format = FORMATS[ending]
     if options.format not in viewers:
         refuse_options(options, ['namespace'], f'applies to --format {" and ".join(viewers)}')
         if options.format != 'urdf':

@@ -39,16 +39,18 @@ def option(parser: Options, flags: str, metavar: str, text: str, default: object
     parser.add_argument(*flags.split(), metavar=metavar, type=kind, default=value, help=text)
 
 
-def time_option(parser: Options, flag: str, text: str, dest: str | None = None) -> None:
+def time_option(
+    parser: Options, flag: str, text: str, dest: str | None = None, default: float | None = None
+) -> None:
     """Add an option for a time: in seconds, or with a unit."""
     own: dict[str, Any] = {'dest': dest} if dest else {}
-    said = f"{text} (in seconds, or as '20 ms')"
-    parser.add_argument(flag, metavar='S', type=partial(_in_unit, 's'), help=said, **own)
+    said, kind = f"{text} (in seconds, or as '20 ms')", partial(_in_unit, 's')
+    parser.add_argument(flag, metavar='S', type=kind, default=default, help=said, **own)
 
 
-def rate_option(parser: Options, flag: str, text: str) -> None:
+def rate_option(parser: Options, flag: str, text: str, example: str = '1 kHz') -> None:
     """Add an option for a rate: in Hz, or with a unit."""
-    said = f"{text} (in Hz, or as '1 kHz')"
+    said = f"{text} (in Hz, or as '{example}')"
     parser.add_argument(flag, metavar='HZ', type=partial(_in_unit, 'Hz'), help=said)
 
 
@@ -56,10 +58,6 @@ def _in_unit(unit: str, text: str) -> float:
     """A number in an SI unit, or a quantity."""
     from mechanism_sim.units import to_si  # noqa: PLC0415
 
-    try:
-        return float(text)
-    except ValueError:
-        pass
     try:
         return to_si(text, unit)
     except ValueError as error:
@@ -261,32 +259,26 @@ def ros_args(options: argparse.Namespace) -> list[str]:
     """The ROS arguments of a command line, the namespace among them."""
     found = list(options.ros_args)
     if options.namespace is not None:
-        found = _in_any_namespace(found)
+        # Parameters NODE:NAME:=VALUE are for nodes of any namespace; ROS takes them for one in
+        # none, and has no other way to say it than a file of parameters.
+        passed: list[str] = []
+        for arg in found:
+            rule = re.fullmatch(r'(\w+):([^:=*]+):=(.*)', arg, re.DOTALL)
+            if rule is None or passed[-1:] not in (['-p'], ['--param']):
+                passed.append(arg)
+                continue
+            node, name, value = rule.groups()
+            handle, file = tempfile.mkstemp(prefix='parameters_', suffix='.yaml')
+            atexit.register(Path(file).unlink, missing_ok=True)
+            with os.fdopen(handle, 'w', encoding='utf-8') as stream:
+                stream.write(f'/**/{node}:\n  ros__parameters:\n    {name}: {value}\n')
+            passed[-1:] = ['--params-file', file]
+        found = passed
         found += [
             *([] if found else ['--ros-args']),
             '-r',
             f'__ns:=/{options.namespace.strip("/")}',
         ]
-    return found
-
-
-def _in_any_namespace(args: list[str]) -> list[str]:
-    """``-p NODE:NAME:=VALUE`` for nodes of any namespace, which ROS takes for one in none.
-
-    It has no other way to say it than a file of parameters.
-    """
-    found: list[str] = []
-    for arg in args:
-        rule = re.fullmatch(r'(\w+):([^:=*]+):=(.*)', arg, re.DOTALL)
-        if rule is None or found[-1:] not in (['-p'], ['--param']):
-            found.append(arg)
-            continue
-        node, name, value = rule.groups()
-        handle, file = tempfile.mkstemp(prefix='parameters_', suffix='.yaml')
-        atexit.register(Path(file).unlink, missing_ok=True)
-        with os.fdopen(handle, 'w', encoding='utf-8') as stream:
-            stream.write(f'/**/{node}:\n  ros__parameters:\n    {name}: {value}\n')
-        found[-1:] = ['--params-file', file]
     return found
 
 

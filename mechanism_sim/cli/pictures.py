@@ -17,6 +17,7 @@ from mechanism_sim.cli.options import (
     print_either,
     print_result,
     quantity,
+    rate_option,
     refuse_options,
     several,
 )
@@ -51,7 +52,7 @@ def add(command: Command) -> None:
     source_options(sub)
     option(sub, '-o --output', 'FILE|DIR', '.mp4, .gif, .svg to be numbered, or a folder for '
         'SVG frames; .wav: the sound of impacts; SCENE.mp4 if not given')  # fmt: skip
-    option(sub, '--fps', 'N', 'frames a second', float)
+    rate_option(sub, '--fps', 'frames a second', '25 Hz')
     option(
         sub, '--realtime-factor', 'F',
         'simulated seconds per second; if not given, a turn of the drive takes 3 s, and a sound '
@@ -337,9 +338,9 @@ def _write(
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
 
-        mechanism, struck = marks
+        mechanism, impact_times = marks
         own = palette.numbers(mechanism) if mechanism else {}
-        drawn = lines.draw(chart(series, *titled, own, struck))
+        drawn = lines.draw(chart(series, *titled, own, impact_times))
         for picture in pictures:
             figures.save(drawn, picture)
     rows = [{'name': s.line, 'unit': s.unit, 'samples': s.known, 'ideal': s.ideal} for s in series]

@@ -202,7 +202,13 @@ def _run(options: argparse.Namespace) -> int:
     if options.plan:
         print_json(plan.to_json())
         return 0
-    _name_strangers(options.ros_args, [*plan.nodes, MONITOR])
+    # ROS passes over parameters for nodes that the run has not
+    nodes = [*plan.nodes, MONITOR]
+    for key, rule in pairwise(options.ros_args):
+        node, colon, _ = rule.partition(':=')[0].partition(':')
+        name = node.rpartition('/')[2]
+        if key in {'-p', '--param'} and colon and '*' not in name and name not in nodes:
+            print_notice(f"{rule}: the run has no node '{name}'{nearest(name, nodes)}")
     stopped = _stopped(options.record)
     process_exit.say_when_interrupted(stopped)
     with progress.bar('run', end, quiet=options.json) as show:
@@ -235,15 +241,6 @@ def _stopped(bag: str | None) -> Callable[..., str]:
         return f"interrupted before all nodes were there: nothing is recorded, '{bag}' {kept}"
 
     return words
-
-
-def _name_strangers(args: Sequence[str], nodes: Sequence[str]) -> None:
-    """Warn of parameters for nodes that a run has not: ROS passes over them."""
-    for key, rule in pairwise(args):
-        node, colon, _ = rule.partition(':=')[0].partition(':')
-        name = node.rpartition('/')[2]
-        if key in {'-p', '--param'} and colon and '*' not in name and name not in nodes:
-            print_notice(f"{rule}: the run has no node '{name}'{nearest(name, nodes)}")
 
 
 def _node(options: argparse.Namespace) -> int:

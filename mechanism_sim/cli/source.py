@@ -160,23 +160,19 @@ def run_of(
     else:
         record = read_run(options)
         start = record.start if options.start is None else options.start
-        end = _end(options, record, start)
+        if options.revolutions is not None:
+            import numpy as np  # noqa: PLC0415
+
+            record.whole_turns()
+            first, last = record.turned(np.array([start, record.end])).tolist()
+            if not first + options.revolutions <= last + 1e-9:
+                raise InputError(
+                    f'the run makes {last - first:.6g} turns from {start:g} s on, not '
+                    f'{options.revolutions:g}'
+                )
+            end = float(record.times_at(np.array([first + options.revolutions]))[0])
+        elif options.duration is not None:
+            end = start + float(options.duration)
+        else:
+            end = record.end if options.end is None else float(options.end)
     return record, record.begin(skip) if skip else start, end
-
-
-def _end(options: argparse.Namespace, record: Record, start: float) -> float:
-    """The end of the part of a bag that is asked for [s]."""
-    if options.revolutions is not None:
-        import numpy as np  # noqa: PLC0415
-
-        record.whole_turns()
-        first, last = record.turned(np.array([start, record.end])).tolist()
-        if not first + options.revolutions <= last + 1e-9:
-            raise InputError(
-                f'the run makes {last - first:.6g} turns from {start:g} s on, not '
-                f'{options.revolutions:g}'
-            )
-        return float(record.times_at(np.array([first + options.revolutions]))[0])
-    if options.duration is not None:
-        return start + float(options.duration)
-    return record.end if options.end is None else float(options.end)

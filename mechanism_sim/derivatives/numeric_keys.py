@@ -19,9 +19,13 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.keys.names import listed
+from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.build import build
+from mechanism_sim.scene.facts import value_at
 from mechanism_sim.scene.files import check_scene, content_of
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.units import QuantityValue
 
 OFFSETS = (1.0, -1.0, 2.0, 0.0)  # the last is that of the machine itself
 WEIGHTS = (1.0, -1.0 / 3.0, -1.0 / 6.0, -0.5)
@@ -85,12 +89,13 @@ class NumericKey:
 
 
 def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKey]:
-    """The numbers of a scene by their paths; InputError for a path without a number."""
-    leaves = dict(_leaves(machine.scene.to_document(exclude=_SILENT)))
+    """The numbers of a scene by their paths; InputError if one is none."""
     found = []
     for path in dict.fromkeys(listed(paths)):
-        given = path in leaves
-        value, unit = _quantity(leaves[path]) if given else _at_start(machine, path, leaves)
+        value, unit = _value_of(machine.scene, path)
+        given = value is not None
+        if not given:
+            value, unit = _at_start(machine, path)
         if not _is_number(value) or isinstance(value, int):
             kind = 'a whole number' if isinstance(value, int) else 'no number'
             raise InputError(f"{machine.name}: '{path}' is {kind}, without a derivative")
@@ -98,32 +103,39 @@ def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKe
     return found
 
 
-def _leaves(content: Any, path: str = '') -> Iterator[tuple[str, Any]]:
-    """Paths and values of all entries of a document, quantities as value and unit."""
+def _value_of(scene: Scene, path: str) -> tuple[Any, str]:
+    """Value that a scene gives, its unit where the key leaves it open; None of several values."""
+    value, _ = value_at(scene, path) if path.partition('.')[0] not in _SILENT else (None, '')
+    if isinstance(value, QuantityValue):
+        return value.value, value.unit
+    if isinstance(value, tuple) and _has_unit(value):  # a formula
+        return value[1], ''
+    return (None, '') if isinstance(value, Part | Mapping | list | tuple) else (value, '')
+
+
+def _leaves(content: Any, path: str = '') -> Iterator[str]:
+    """Paths of all that a document holds; a quantity with its unit is one."""
     parts: Any = ()
     if isinstance(content, Mapping):
         parts = content.items()
-    elif isinstance(content, tuple | list) and _quantity(content) == (content, ''):
+    elif isinstance(content, tuple | list) and not _has_unit(content):
         parts = enumerate(content)
     elif content is not None:
-        yield path, content
+        yield path
     for key, value in parts:
         yield from _leaves(value, f'{path}.{key}' if path else str(key))
 
 
-def _quantity(leaf: Any) -> tuple[Any, str]:
-    """Value and unit."""
-    if isinstance(leaf, tuple | list) and len(leaf) == 2 and isinstance(leaf[1], str):
-        return (leaf[0], leaf[1]) if _is_number(leaf[0]) else (leaf, '')
-    return leaf, ''
+def _has_unit(pair: Sequence[Any]) -> bool:
+    return len(pair) == 2 and _is_number(pair[0]) and isinstance(pair[1], str)
 
 
 def _is_number(x: Any) -> bool:
     return isinstance(x, float | int) and not isinstance(x, bool) and math.isfinite(x)
 
 
-def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[float, str]:
-    """Initial coordinate, rate or drive that the scene does not give, by its computed value."""
+def _at_start(machine: Machine, path: str) -> tuple[float, str]:
+    """A coordinate, a rate or a drive at the start that the scene does not give: as it starts."""
     begin, _, coordinate = path.rpartition('.')
     which = {'initial.position': 0, 'initial.velocity': 1}.get(begin)
     free = machine.equations.system.free if machine.level.dynamic else ()
@@ -139,6 +151,7 @@ def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[f
     if begin.startswith('drive') and coordinate == place and driven in plan.held:
         turned = 2.0 * math.pi * plan.turned.get(driven, 0)
         return plan.held[driven][0] + turned, 'm' if straight else 'rad'
+    leaves = [*_leaves(machine.scene.to_document(exclude=_SILENT))]
     if own := next((x for x in leaves if x.startswith(f'{path}.')), None):
         raise InputError(
             f"{machine.name}: '{path}' holds several values: give the path of a number, as '{own}'"

@@ -68,16 +68,11 @@ class FilesBeside:
         with tempfile.TemporaryDirectory() as folder:
             scene = Path(folder) / f'{name}.yaml'
             scene.write_text(text, 'utf-8')
-            told: Any = [
-                sys.executable,
-                '-m',
-                'mechanism_sim',
-                command,
-                str(scene),
-                '-o',
-                str(file),
-            ]
-            self._process = process_exit.start(told, stdout=PIPE, stderr=PIPE, text=True)
+            told = [command, '-o', str(file), '--', scene.name]
+            self._process = process_exit.start(
+                [sys.executable, '-m', 'mechanism_sim', *told],
+                cwd=folder, stdout=PIPE, stderr=PIPE, text=True,
+            )  # fmt: skip
             _, said = self._process.communicate()
         last = said.strip().rpartition('\n')[2].removeprefix('mechanism-sim: ')
         self._say(f'saved: {file}' if self._process.returncode == 0 else last)

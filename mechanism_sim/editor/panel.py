@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
-from mechanism_sim.documents import flow
+from mechanism_sim.documents import check, flow, parse
 from mechanism_sim.joints.joint_keys import JointKeys
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.quantities import Part, meanings
@@ -35,6 +35,29 @@ def outline(content: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def rows(content: Mapping[str, Any], path: tuple[str, ...]) -> list[dict[str, Any]]:
     """The keys of the part at a path; of the whole, for an empty path, those that are no parts."""
+    model, value = _part(content, path)
+    if model is None:
+        return []
+    return list(_rows(model, value if isinstance(value, Mapping) else {}, path, 0))
+
+
+def typed(content: Mapping[str, Any], path: tuple[str, ...], text: str) -> Any:
+    """The value that a text means in the field of a key: YAML, but where any text may stand.
+
+    Raises
+    ------
+    DocumentError
+    """
+    model, _ = _part(content, path[:-1])
+    field = _field(model, path[-1]) if model else None
+    plain = field is not None and field.annotation in (str, str | None)
+    value = text.strip() if plain else parse(text)
+    check(value, path)
+    return value
+
+
+def _part(content: Mapping[str, Any], path: tuple[str, ...]) -> tuple[type[Part] | None, Any]:
+    """The schema of the part at a path, None if there is none, and its keys and values."""
     model: type[Part] | None = _model(content)
     value: Any = content
     named = False
@@ -45,12 +68,10 @@ def rows(content: Mapping[str, Any], path: tuple[str, ...]) -> list[dict[str, An
             continue
         field = _field(model, key)
         if field is None:
-            return []
+            return None, value
         facts = facts_of(field)
         model, named = facts.part, facts.many == 'dict'
-    if model is None or named:
-        return []
-    return list(_rows(model, value if isinstance(value, Mapping) else {}, path, 0))
+    return None if named else model, value
 
 
 def _model(content: Mapping[str, Any]) -> type[AnyScene]:
@@ -104,7 +125,7 @@ def _rows(
 def _choices(model: type[Part], key: str, facts: Facts) -> list[str]:
     if issubclass(model, SensorKeys) and key == 'kind':
         return [*SENSORS]
-    return list(facts.choices) if not facts.part else []
+    return list(facts.choices) if not (facts.part or facts.quantities) else []
 
 
 def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
@@ -136,12 +157,10 @@ def _default(field: Any, facts: Facts) -> str:
         return ''
     value = getattr(value, 'value', value)
     text = f'{value:g}' if isinstance(value, float) else str(value).lower()
-    unit = facts.quantities[0].units[0] if facts.quantities and facts.quantities[0].units else ''
-    return f'{text} {unit}'.strip()
+    units = facts.quantities[0].units if facts.quantities and not isinstance(value, str) else ()
+    return ' '.join([text, *units[:1]])
 
 
 def _text(value: Any) -> str:
-    """A value as a line of YAML."""
-    if isinstance(value, str):
-        return ' '.join(value.split())
-    return flow(value)
+    """A value as a line of YAML, a text as it is."""
+    return value.strip() if isinstance(value, str) else flow(value)

@@ -37,7 +37,7 @@ class UnsavedEdits:
 
         If the file has been changed since, the text goes into another file, for both to be seen.
         """
-        file = place(document)
+        file, self._kept = place(document), None
         with suppress(OSError, UnicodeDecodeError):
             if file.is_symlink() or file.lstat().st_uid != os.geteuid():
                 return '', ''
@@ -54,11 +54,12 @@ class UnsavedEdits:
     def keep(self, document: Document) -> str:
         """Write what is not saved, or remove what is; a sentence if that is not possible."""
         file = place(document)
-        if not document.changed:
-            if self._kept and self._kept[0] == file and _holds(*self._kept):
+        if self._kept and (not document.changed or self._kept[0] != file):
+            if _holds(*self._kept):  # it was saved, perhaps under another name
                 with suppress(OSError):
-                    file.unlink(missing_ok=True)
+                    self._kept[0].unlink(missing_ok=True)
             self._kept = None
+        if not document.changed:
             return ''
         text = _heading(document.base) + document.text
         if self._kept == (file, text.encode()) and _holds(*self._kept):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 from mechanism_sim.planar.points import Vector2
-from mechanism_sim.units import to_si
+from mechanism_sim.units import parted, to_si
+
+_LENGTHS = 'mm', 'm', 'cm', 'um', 'inch', 'in'
 
 
 def unit_of(content: Any) -> str:
@@ -16,8 +17,8 @@ def unit_of(content: Any) -> str:
         content = [*content.values()]
     if isinstance(content, list):
         return next((u for x in content if (u := unit_of(x)) != ''), '')
-    found = re.fullmatch(r'\s*[-+.\deE]+\s*(mm|m|cm|um|inch|in)\s*', str(content))
-    return found[1] if found else ''
+    _, unit = parted(str(content)) or ('', '')
+    return unit if unit in _LENGTHS else ''
 
 
 def rounded(value: float, step: float, unit: str, si: str = 'm') -> str:

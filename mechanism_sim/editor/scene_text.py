@@ -7,12 +7,13 @@ at which PyYAML finds keys and values are replaced, and nothing else.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
 import yaml
 
-from mechanism_sim.documents import flow
+from mechanism_sim.documents import flow, parse
 from mechanism_sim.errors import InputError
 
 WIDTH = 99
@@ -25,20 +26,17 @@ _REQUIRED = ('links',), ('joints',)
 
 
 def with_value(text: str, path: Path, value: Any) -> str:
-    """The text with a value (None, bool, number, text, list, dict) at a path, there or not."""
+    """The text with a value (None, bool, number, text, list, dict) at a path, there or not.
+
+    Of a list or a part that is there, only the entries that differ are written.
+    """
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     if root is None:
         return f'{text.rstrip()}\n'.lstrip() + '\n'.join(_entry(path[0], _nest(path[1:], value)))
     chain, key = _chain(root, path)
     node, rest = chain[-1], path[len(chain) - 1 :]
     if not rest:
-        if isinstance(node, yaml.ScalarNode) and node.start_mark.index == node.end_mark.index:
-            return _put(text, node.start_mark.index, node.start_mark.index, f' {_flow(value)}')
-        start, end = node.start_mark.index, _end(text, node)
-        if key is not None and _in_lines(node):
-            rows = _entry(key.value, value, key.start_mark.column)
-            return _put(text, key.start_mark.index, end, '\n'.join(rows).lstrip())
-        return _put(text, start, end, _flow(value))
+        return _replaced(text, path, node, key, value)
     whole = _nest(rest, value)
     if isinstance(node, yaml.ScalarNode | yaml.MappingNode) and not node.value:
         indent = 2 * (len(chain) - 1)
@@ -66,6 +64,31 @@ def with_value(text: str, path: Path, value: Any) -> str:
     indent = node.value[0][0].start_mark.column
     end = (text + '\n').index('\n', end)
     return _put(text, end, end, '\n' + '\n'.join(_entry(name, part, indent)))
+
+
+def _replaced(text: str, path: Path, node: Any, key: Any, value: Any) -> str:
+    """The text with a value instead of the one at a path, which has this node and key."""
+    if _says(node, value):
+        return text
+    if isinstance(node, yaml.MappingNode) and isinstance(value, dict):
+        known = {k.value: None for k, _ in node.value}
+        if known.keys() & value.keys() and known.keys() != value.keys():
+            for name in known.keys() - value.keys():
+                text = without(text, (*path, name))
+            for name in [x for x in value if x not in known]:
+                text = with_value(text, (*path, name), value[name])
+            return with_value(text, path, value)
+    if (changes := _changes(text, node, value)) is not None:
+        for start, end, new in reversed(changes):
+            text = _put(text, start, end, new)
+        return text
+    if isinstance(node, yaml.ScalarNode) and node.start_mark.index == node.end_mark.index:
+        return _put(text, node.start_mark.index, node.start_mark.index, f' {_flow(value)}')
+    start, end = _start(text, node), _end(text, node)
+    if key is not None and _in_lines(node) and start == node.start_mark.index:
+        rows = _entry(key.value, value, key.start_mark.column)
+        return _put(text, key.start_mark.index, end, '\n'.join(rows).lstrip())
+    return _put(text, start, end, _flow(value))
 
 
 def without(text: str, path: Path) -> str:
@@ -130,6 +153,53 @@ def _chain(root: Any, path: Path) -> tuple[list[Any], Any]:
     return chain, last
 
 
+def _changes(text: str, node: Any, value: Any) -> list[tuple[int, int, str]] | None:
+    """Starts, ends and new texts of what differs in a value; None if its entries are others."""
+    if isinstance(node, yaml.MappingNode) and isinstance(value, dict):
+        if {k.value for k, _ in node.value} != value.keys():
+            return None
+        parts = [(x, value[k.value]) for k, x in node.value]
+    elif isinstance(node, yaml.SequenceNode) and isinstance(value, list):
+        if len(node.value) != len(value):
+            return None
+        parts = list(zip(node.value, value, strict=True))
+    else:
+        return None
+    found: list[tuple[int, int, str]] = []
+    since = node.start_mark.index
+    for x, new in parts:
+        start, end = _start(text, x), x.end_mark.index
+        if x.start_mark.index < since:
+            return None  # an alias
+        since = end
+        if not isinstance(x, yaml.ScalarNode):
+            if (inner := _changes(text, x, new)) is None:
+                return None
+            found += inner
+        elif isinstance(new, dict | list) or start == end or _in_lines(x):
+            return None
+        elif not _says(x, new):
+            found.append((start, end, _flow(new)))
+    return found
+
+
+def _says(node: Any, value: Any) -> bool:
+    """True if a node means a plain value, however it is written: quotes, digits."""
+    if not isinstance(node, yaml.ScalarNode) or isinstance(value, dict | list):
+        return False
+    if isinstance(value, str):
+        return node.tag.endswith(':str') and bool(node.value == value)
+    known = None if node.style else parse(node.value)
+    return value is not None and type(known) is type(value) and bool(known == value)
+
+
+def _start(text: str, node: Any) -> int:
+    """Where the text of a node starts, behind its anchor if it has one, which stays."""
+    start: int = node.start_mark.index
+    anchor = re.match(r'&\S+\s+', text[start : node.end_mark.index])
+    return start + anchor.end() if anchor else start
+
+
 def _end(text: str, node: Any) -> int:
     """Index at which the text of a node ends; for blocks before the text that follows."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
@@ -157,11 +227,12 @@ def _nest(path: Path, value: Any) -> Any:
 def _entry(key: str, value: Any, indent: int = 0) -> list[str]:
     """Lines of a key with its value: in one, or by keys where parts have parts or it is long."""
     space = ' ' * indent
-    if isinstance(value, str) and ('\n' in value or len(value) > WIDTH - indent):
-        import textwrap  # noqa: PLC0415 - seldom needed
-
-        rows = textwrap.wrap(value, WIDTH - 2 - indent)
-        return [f'{space}{key}: >', *(f'{space}  {row}' for row in rows)]
+    if isinstance(value, str) and (block := _block(value, WIDTH - indent)):
+        style, *rows = block
+        return [
+            f'{space}{_flow(key)}: {style}',
+            *(f'{space}  {row}' if row else '' for row in rows),
+        ]
     short = f'{space}{_flow(key)}: {_flow(value)}'
     deep = isinstance(value, dict) and any(isinstance(x, dict) for x in value.values())
     if isinstance(value, dict) and value and (len(short) > WIDTH or (deep and not indent)):
@@ -170,10 +241,33 @@ def _entry(key: str, value: Any, indent: int = 0) -> list[str]:
     return [short.rstrip()]
 
 
+def _block(value: str, width: int) -> list[str]:
+    """Style and lines of a text in lines, or too long for one, as a block; else empty."""
+    import textwrap  # noqa: PLC0415 - seldom needed
+
+    text = value.rstrip('\n')
+    if '\n' in text:
+        rows = text.split('\n')
+        plain = all(row.isprintable() for row in rows) and not text.startswith((' ', '\n'))
+        return ['|', *rows] if plain else []
+    rows = textwrap.wrap(text, width - 2, break_long_words=False, break_on_hyphens=False)
+    folds = ' '.join(rows) == text  # no line break stands for several spaces
+    return ['>', *rows] if folds and (len(text) > width or text != value) else []
+
+
 def _flow(value: Any) -> str:
     """A value in one line, as it may stand among others in brackets."""
     return '' if value is None else flow([value])[1:-1]
 
 
 def _put(text: str, start: int, end: int, new: str) -> str:
-    return text[:start] + new + text[end:]
+    """The text with another part of it, unless aliases stand for what goes with that part."""
+    made = text[:start] + new + text[end:]
+    for anchor in re.findall(r'&(\S+)\s', text[start:end]):
+        try:
+            yaml.compose(made, Loader=yaml.SafeLoader)
+        except yaml.YAMLError as error:
+            raise InputError(
+                f"an alias elsewhere ('*{anchor}') stands for what would go: change that first"
+            ) from error
+    return made

@@ -27,6 +27,7 @@ from mechanism_sim.editor.sketch import (
     Grid,
     Sketch,
     Spot,
+    drives_of,
 )
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.keys.names import check_link_name
@@ -115,6 +116,8 @@ class Session:
         except Exception as error:  # whatever a message raises, all pages go on
             self._say(f'that is not possible ({reason(error)})')
         if kind not in ('drag', 'pull'):
+            if self._grabbed:  # what was dragged goes back, if it was not dropped or cannot stay
+                self._of = None
             self._grabbed, self._tried, self._pulled = None, [], None
             try:
                 self._refresh()
@@ -269,7 +272,11 @@ class Session:
         except InputError:
             return edits, pictured(self.document.name, scene, self._picture, poses)
         tree = loops.mechanism
-        q, left = loops.positions(coordinates(tree, poses)[:, None])
+        driven = [c for c in drives_of(scene) if c in tree.coordinates]
+        lies = coordinates(tree, poses)[:, None]
+        q, left = loops.holding(driven).positions(lies)
+        if left[0]:  # as its drives stand it cannot be assembled
+            q, left = loops.positions(lies)
         if not left[0]:
             found = dict(zip(tree.coordinates, q[:, 0].tolist(), strict=True))
             if more := gestures.starts(scene, found, tree.displacements, grid):
@@ -293,7 +300,6 @@ class Session:
         self._send(frame)
 
     def _drop(self, message: Mapping[str, Any]) -> None:
-        self._of = None  # what was dragged goes back, if it cannot stay
         edits, picture = self._moved(message)
         self.document.change([*edits, *choices(self.document, edits, picture)])
         self._beside.lain[self.document.text] = picture.poses
@@ -350,8 +356,7 @@ class Session:
             self.document.change([Edit(path, GONE)])
             return
         try:
-            value = documents.parse(text)
-            documents.check(value, path)
+            value = panel.typed(self.document.content(), path, text)
         except documents.DocumentError as error:
             raise InputError(f'{".".join(path)}:{error}') from error
         self.document.change([Edit(path, value)])

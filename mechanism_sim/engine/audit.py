@@ -165,12 +165,12 @@ class Audit:
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
         self._physics.check_directions(motion)
-        struck = np.array([(i.drive_work, i.sudden_loss) for i in impacts]).reshape(-1, 2)
-        drive, lost = struck.sum(axis=0).tolist()
+        by_impact = np.array([(i.drive_work, i.sudden_loss) for i in impacts]).reshape(-1, 2)
+        drive, lost = by_impact.sum(axis=0).tolist()
         self.drive_work += float(work.drive.sum()) + drive
         self.dissipated += float(work.friction.sum()) + lost
         self._exchanged += float(work.gross.sum())
-        self._exchanged += float(np.abs(struck).sum())
+        self._exchanged += float(np.abs(by_impact).sum())
         self._error += float(work.error.sum())
         self._segments += len(motion)
         if len(motion):

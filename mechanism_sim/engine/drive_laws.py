@@ -16,44 +16,28 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 
 
-class DriveLaws:
-    """Laws as coefficients of the integrator, counted from the present base.
-
-    Parameters
-    ----------
-    present : the integrator's state, whose base is set
-    laws : one for each prescribed coordinate, then one for each powered coordinate
-    directions : cosines and sines of the steady drives among the integrator's states
+class LawSchedule:
+    """Schedule of laws of drives: those in force, and the announced ones or those of sources.
 
     Attributes
     ----------
-    laws, coming : laws that hold now, and announced ones in the order of time
-    next_base : local time [s] after which a new base is due
-    next_change : local time [s] from which the next law holds; infinite if none is to come
-    since : number of steps since the directions were computed from the angles
+    laws, coming : that hold, and that will, in the order of time
     """
 
-    def __init__(
-        self, present: PresentState, laws: Sequence[Law], directions: memoryview[float]
-    ) -> None:
-        system = present.system
-        self._present, self._system = present, system
-        self.laws = list(laws)
-        self.coming: deque[Law] = deque()
-        self._sources: dict[str, LawSource] = {}
-        self.directions = directions
-        self._turning = [system.prescribed.index(c) for c in system.turning]
-        self.since = 0
-        self.next_base, self.next_change = 0.0, math.inf
+    def __init__(self, laws: Sequence[Law]) -> None:
+        self.begin(laws)
 
     def begin(self, laws: Sequence[Law]) -> None:
-        """Set the laws that hold from now on, and discard all announced ones."""
-        self.laws = list(laws)
-        self.coming.clear()
-        self._sources = {}
+        """Let laws hold from now on, and no others follow."""
+        self._sources: dict[str, LawSource] = {}
+        self.restore(laws, ())
 
-    def announce(self, law: Law, known: float) -> None:
-        """Announce a law that replaces that of its coordinate from ``law.valid_from`` on.
+    def restore(self, laws: Sequence[Law], coming: Sequence[Law]) -> None:
+        """Let laws hold and others follow, beside those of the sources."""
+        self.laws, self.coming = list(laws), deque(coming)
+
+    def announce(self, law: Law, known: float | Fraction) -> None:
+        """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
 
         Parameters
         ----------
@@ -62,44 +46,31 @@ class DriveLaws:
         Raises
         ------
         ValueError
-            If the motion is already known beyond that time, or the system is not compiled for
-            the degree of the law.
+            If the motion is already known beyond that time.
         """
         if law.valid_from < known:
             raise ValueError(
                 f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
-                f'up to {known:.9g} s'
-            )
-        if isinstance(law, DriveLaw) and law.degree > self._system.degree:
-            raise ValueError(
-                f'a law of degree {law.degree} needs equations compiled for it; these are for '
-                f'degree {self._system.degree}'
+                f'up to {float(known):.9g} s'
             )
         self._enter(law)
 
     def _enter(self, law: Law) -> None:
         insort(self.coming, law, key=lambda x: x.valid_from)
-        self._foresee()
-
-    def _foresee(self) -> None:
-        first = self.coming[0] if self.coming else None
-        self.next_change = self._present.base.local(first.valid_from) if first else math.inf
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
         """Set sources of laws, by coordinate, for times without an announced law."""
         self._sources = dict(sources)
-        for c in sources:
-            self._continue(c)
+        for law in self.laws:
+            self._continue(law)
 
-    def _continue(self, coordinate: str) -> None:
-        """Enter the law that follows the last known one of a coordinate, from its source."""
-        known = [law for law in self.coming if law.coordinate == coordinate]
-        index = [law.coordinate for law in self.laws].index(coordinate)
-        last = known[-1] if known else self.laws[index]
-        if not known and isinstance(last, DriveLaw):
-            following = self._sources[coordinate].after(last)
-            if following:
-                self._enter(following)
+    def _continue(self, law: Law) -> None:
+        """Enter the law that follows one from its source, unless others are announced."""
+        source = self._sources.get(law.coordinate)
+        if source is None or any(x.coordinate == law.coordinate for x in self.coming):
+            return
+        if isinstance(law, DriveLaw) and (following := source.after(law)):
+            self._enter(following)
 
     def switch(self) -> None:
         """Replace a law by the next announced one."""
@@ -114,8 +85,56 @@ class DriveLaws:
                 'speed, which no drive can follow; join the laws by a ramp'
             )
         self.laws[index] = law
-        if law.coordinate in self._sources:
-            self._continue(law.coordinate)
+        self._continue(law)
+
+
+class DriveLaws(LawSchedule):
+    """Laws as coefficients of the integrator, counted from the present base.
+
+    Parameters
+    ----------
+    present : the integrator's state, whose base is set
+    laws : one for each prescribed coordinate, then one for each powered coordinate
+    directions : cosines and sines of the steady drives among the integrator's states
+
+    Attributes
+    ----------
+    next_base : local time [s] after which a new base is due
+    next_change : local time [s] from which the next law holds; infinite if none is to come
+    since : steps since the directions were computed
+    """
+
+    def __init__(
+        self, present: PresentState, laws: Sequence[Law], directions: memoryview[float]
+    ) -> None:
+        super().__init__(laws)
+        system = present.system
+        self._present, self._system = present, system
+        self.directions = directions
+        self._turning = [system.prescribed.index(c) for c in system.turning]
+        self.since = 0
+        self.next_base, self.next_change = 0.0, math.inf
+
+    def announce(self, law: Law, known: float | Fraction) -> None:
+        """Announce a law; `ValueError` too if the system is not compiled for its degree."""
+        if isinstance(law, DriveLaw) and law.degree > self._system.degree:
+            raise ValueError(
+                f'a law of degree {law.degree} needs equations compiled for it; these are for '
+                f'degree {self._system.degree}'
+            )
+        super().announce(law, known)
+
+    def _enter(self, law: Law) -> None:
+        super()._enter(law)
+        self._foresee()
+
+    def _foresee(self) -> None:
+        first = self.coming[0] if self.coming else None
+        self.next_change = self._present.base.local(first.valid_from) if first else math.inf
+
+    def switch(self) -> None:
+        """Let the next law hold, and count time anew."""
+        super().switch()
         self.rebase()
 
     def rebase(self) -> None:

@@ -27,8 +27,8 @@ class EnergyTerms(NamedTuple):
     @property
     def after(self) -> tuple[float, float]:
         """Work of the drives and losses [J] since the start of the run, at the end."""
-        struck = np.array([(i.drive_work, i.sudden_loss) for i in self.impacts])
-        drive, lost = struck.reshape(-1, 2).sum(axis=0).tolist()
+        by_impact = np.array([(i.drive_work, i.sudden_loss) for i in self.impacts])
+        drive, lost = by_impact.reshape(-1, 2).sum(axis=0).tolist()
         drive += float(self.work.drive.sum())
         lost += float(self.work.friction.sum())
         return self.drive_work + drive, self.dissipated + lost

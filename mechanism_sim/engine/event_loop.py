@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 import sys
 from array import array
-from collections import deque
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
@@ -386,7 +385,7 @@ class EventLoop:
         """Go on from a snapshot of a run of the same system with the same tolerances."""
         s = snapshot
         laws = self._laws
-        laws.laws, laws.coming = list(s.laws), deque(s.coming)
+        laws.restore(s.laws, s.coming)
         self._output.restart()
         laws.count_from(s.base, s.turns)
         self._state[:] = s.state

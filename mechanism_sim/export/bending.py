@@ -105,8 +105,9 @@ def bendings(
 
 def round_below(value: float) -> float:
     """The largest of 1, 2, 5, 10, 20, ... that is not above a positive value."""
-    decade = 10.0 ** math.floor(math.log10(value))
-    return max(x * decade for x in (1.0, 2.0, 5.0) if x * decade <= value)
+    above = value * (1.0 + 1e-9)  # as a thousand that is not all there but for rounding
+    decade = 10.0 ** math.floor(math.log10(above))
+    return max(x * decade for x in (1.0, 2.0, 5.0) if x * decade <= above)
 
 
 def scale_bar(width: float) -> tuple[float, str]:

@@ -270,14 +270,23 @@ def solids(machine: Machine) -> list[Solid]:
     }
     found: list[Solid] = []
     for link, layer in layers.items():
-        if link != GROUND:
-            found += _bars(link, _corners(mechanism.joints, link), layer, thick)
+        if link == GROUND:
+            continue
+        # bars from each corner to the next
+        corners = _corners(mechanism.joints, link)
+        for a, b in pairwise([*corners, *(corners[:1] if len(corners) > 2 else [])]):
+            length = math.dist(a, b)
+            if length > SAME * thick / WIDTH:
+                x, y = (float(c) for c in 0.5 * (a + b))
+                turn = math.atan2(b[1] - a[1], b[0] - a[0])
+                size = (length, thick, 0.4 * thick)
+                found.append(Solid(link, 'box', size, (x, y, layer), turn))
     for joint in mechanism.joints:
         low, high = sorted((layers[joint.first], layers[joint.second]))
         if isinstance(joint, Revolute):
             height, middle = high - low + thick, 0.5 * (low + high)
-            size = (0.4 * thick, height)
-            found.append(Solid(joint.first, 'cylinder', size, (*joint.on_first, middle)))
+            pin = (0.4 * thick, height)
+            found.append(Solid(joint.first, 'cylinder', pin, (*joint.on_first, middle)))
         elif isinstance(joint, Prismatic):
             found += _guide(joint, layers, thick, mechanism.size, ideal.guided(joint)[0])
         else:
@@ -294,17 +303,6 @@ def _corners(joints: tuple[Joint, ...], link: str) -> Array:
     x = np.array(at or [(0.0, 0.0)])
     around = x - x.mean(axis=0)
     return np.asarray(x[np.argsort(np.arctan2(around[:, 1], around[:, 0]), kind='stable')])
-
-
-def _bars(link: str, corners: Array, layer: float, thick: float) -> Iterator[Solid]:
-    """Bars from each corner to the next."""
-    ends = [*corners, *(corners[:1] if len(corners) > 2 else [])]
-    for a, b in pairwise(ends):
-        length = math.dist(a, b)
-        if length > SAME * thick / WIDTH:
-            x, y = (float(c) for c in 0.5 * (a + b))
-            turn = math.atan2(b[1] - a[1], b[0] - a[0])
-            yield Solid(link, 'box', (length, thick, 0.4 * thick), (x, y, layer), turn)
 
 
 def _guide(

@@ -14,7 +14,6 @@ from xml.etree.ElementTree import SubElement
 from mechanism_sim.export.ideal import (
     WORLD,
     Ideal,
-    Solid,
     check_names,
     solids,
     time_step,
@@ -194,7 +193,12 @@ class _MjcfWriter:
         """Write the visual geometry of a link, which takes no part in collisions."""
         for solid in self._drawn:
             if solid.link == link:
-                SubElement(body, 'geom', type=solid.kind, size=_half(solid),
+                # MuJoCo has a radius, and half lengths
+                if solid.kind == 'cylinder':
+                    size = text(solid.size[0], 0.5 * solid.size[1])
+                else:
+                    size = text(*(0.5 * x for x in solid.size))
+                SubElement(body, 'geom', type=solid.kind, size=size,
                            pos=text(*solid.at), euler=text(0.0, 0.0, solid.turn),
                            rgba=f'{solid.colour} 1', contype='0', conaffinity='0')  # fmt: skip
 
@@ -266,7 +270,13 @@ class _MjcfWriter:
             driven = self._joints[hinges[0]]
             actuator.set('joint', hinges[0])
         if isinstance(law, DriveLaw):
-            flywheel = FLYWHEEL * self._load(straight)
+            # all mass [kg], or its inertia as far out as the machine is large [kg m^2]
+            mass = sum(body.mass for body in self._m.bodies)
+            if straight:
+                load = mass
+            else:
+                load = mass * self._m.size**2 + sum(body.inertia for body in self._m.bodies)
+            flywheel = FLYWHEEL * load
             driven.set('armature', text(flywheel))
             actuator.tag = 'velocity'
             actuator.set('kv', text(_GAIN * flywheel / self._step))
@@ -276,13 +286,6 @@ class _MjcfWriter:
         actuator.set('biastype', 'affine')
         actuator.set('biasprm', text(constant + per_angle * offset, per_angle, per_speed))
         self._controls.append(0.0)
-
-    def _load(self, straight: bool) -> float:
-        """All mass [kg], or its inertia as far out as the machine is large [kg m^2]."""
-        mass = sum(body.mass for body in self._m.bodies)
-        if straight:
-            return mass
-        return mass * self._m.size**2 + sum(body.inertia for body in self._m.bodies)
 
     def _spring(self, spring: Spring) -> None:
         stiffness, damping = spring.law.numbers or (0.0, 0.0)
@@ -335,10 +338,3 @@ def _constant(load: AppliedForce) -> tuple[float, float, float] | None:
     if load.during or isinstance(x, str) or isinstance(y, str) or isinstance(torque, str):
         return None
     return x, y, torque
-
-
-def _half(solid: Solid) -> str:
-    """Sizes as MuJoCo has them: a radius, and halves."""
-    if solid.kind == 'cylinder':
-        return text(solid.size[0], 0.5 * solid.size[1])
-    return text(*(0.5 * x for x in solid.size))

@@ -86,9 +86,6 @@ def _draw(parent: ElementTree.Element, part: Polygon | Circle, style: dict[str, 
             shape |= {'cx': f'{1e3 * x:.6f}', 'cy': f'{-1e3 * y:.6f}'}
         ElementTree.SubElement(parent, 'circle', {**shape, **style})
     else:
-        ElementTree.SubElement(parent, 'path', {'id': part.name, 'd': _path(part), **style})
-
-
-def _path(curve: Polygon) -> str:
-    points = 'L'.join(f'{1e3 * x:.6f},{-1e3 * y:.6f}' for x, y in curve.points.T)
-    return f'M{points}{"Z" if curve.closed else ""}'
+        points = 'L'.join(f'{1e3 * x:.6f},{-1e3 * y:.6f}' for x, y in part.points.T)
+        drawn = {'id': part.name, 'd': f'M{points}{"Z" if part.closed else ""}'}
+        ElementTree.SubElement(parent, 'path', {**drawn, **style})

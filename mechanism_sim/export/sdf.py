@@ -19,7 +19,7 @@ from mechanism_sim.export.ideal import (
 )
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.planar.bodies import Body
-from mechanism_sim.planar.mechanism import Coupling, Joint, Prismatic, Weld
+from mechanism_sim.planar.mechanism import Joint, Prismatic, Weld
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.machine import Machine
@@ -54,7 +54,14 @@ def to_sdf(machine: Machine) -> str:
         _lower_pair(model, joint, joint.first if joint.second == GROUND else joint.second)
     for coupling in ideal.couplings:
         if not any(coupling.racks):
-            _gearbox(model, coupling)
+            # second = -ratio first, both angles counted from the carrier
+            pair, (one, other) = coupling.joint, coupling.factors
+            made = _joint(
+                model, pair.name, 'gearbox', pair.first, pair.second,
+                gearbox_ratio=text(one / other), gearbox_reference_body=coupling.carrier,
+            )  # fmt: skip
+            for axis in ('axis', 'axis2'):
+                _leaves(SubElement(made, axis), xyz='0 0 1')
     return written(root)
 
 
@@ -106,17 +113,6 @@ def _lower_pair(model: Element, joint: Joint, child: str) -> None:
     written_joint = _joint(model, joint.name, kind, parent, child, pose=_pose(at))
     along = (*way(joint, child), 0.0) if isinstance(joint, Prismatic) else (0.0, 0.0, 1.0)
     _leaves(SubElement(written_joint, 'axis'), xyz=text(*along))
-
-
-def _gearbox(model: Element, coupling: Coupling) -> None:
-    """``second = -ratio first``, both angles counted from the carrier."""
-    pair, (one, other) = coupling.joint, coupling.factors
-    joint = _joint(
-        model, pair.name, 'gearbox', pair.first, pair.second,
-        gearbox_ratio=text(one / other), gearbox_reference_body=coupling.carrier,
-    )  # fmt: skip
-    for axis in ('axis', 'axis2'):
-        _leaves(SubElement(joint, axis), xyz='0 0 1')
 
 
 def _joint(

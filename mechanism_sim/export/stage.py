@@ -227,7 +227,10 @@ class Stage:
             'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
             'bearings': [self._bearing(joint) for joint in self.bearings],
             'plays': [self._play(pair) for pair in self.plays],
-            'frames': [self._frame(name) for name in self.skeleton.mounts],
+            'frames': [
+                {'name': name, 'cog': list(cog), 'springs': list(springs)}
+                for name, (cog, springs) in self.skeleton.mounts.items()
+            ],
             'main': self.machine.plan.main,
             'slides': self.machine.plan.main in self.machine.physics.displacements,
         }
@@ -260,6 +263,11 @@ class Stage:
         for k, joint in enumerate(bearings):
             for gap in gaps_of(self.machine.mechanism, joint.name, known):  # a film has none
                 touching[:, k] = np.maximum(touching[:, k], known[gap])
+        walls = np.zeros((count, len(self.plays)), np.uint8)
+        for w, pair in enumerate(self.plays):
+            for side, numbers in self._walls(pair).items():
+                shut = (modes[numbers] > Mode.FREE_FLIGHT).any(axis=0)
+                walls[:, w] += np.uint8(1 + SIDES.index(side)) * shut.astype(np.uint8)
         return StageFrames(
             t,
             poses,
@@ -268,7 +276,7 @@ class Stage:
             touching,
             _by_instant([self._parted(o, pair) for pair in self.plays], count),
             _by_instant([self._off(o, x) for x in self.plays], count),
-            self._touched(modes, count),
+            walls,
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
             o.position[physics.coordinates.index(self.machine.plan.main)],
@@ -280,14 +288,6 @@ class Stage:
         sways = self.skeleton.sways
         times = [sways.get(name, 0.0) for name in self.skeleton.mounts]
         return np.asarray(sway * np.array(times)[:, None])
-
-    def _touched(self, modes: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
-        found = np.zeros((count, len(self.plays)), np.uint8)
-        for w, pair in enumerate(self.plays):
-            for side, numbers in self._walls(pair).items():
-                touched = (modes[numbers] > Mode.FREE_FLIGHT).any(axis=0)
-                found[:, w] += np.uint8(1 + SIDES.index(side)) * touched.astype(np.uint8)
-        return found
 
     def tips(self, o: Observation, scale: float, longest: float) -> Array:
         """Tips of the arrows that begin at fixed points, (J - K, 2, N) [m], limited in length.
@@ -307,10 +307,6 @@ class Stage:
                 along *= longest / np.maximum(np.hypot(*along), longest)
                 found.append(view.place(joint.second, joint.on_second) + along)
         return np.array(found)
-
-    def _frame(self, name: str) -> dict[str, Any]:
-        cog, springs = self.skeleton.mounts[name]
-        return {'name': name, 'cog': list(cog), 'springs': list(springs)}
 
     def _bearing(self, joint: Joint) -> dict[str, Any]:
         play = self.machine.plan.clearances[joint.name]

@@ -115,16 +115,15 @@ class Blueprint:
     def scene(self) -> dict[str, Any]:
         """The keys and values of the scene; how its links stand at the start is its guess."""
         data: dict[str, Any] = {'title': self.title, 'mechanism': 'linkage'}
-        data['links'] = {name: self._link(link) for name, link in self.links.items()}
+        data['links'] = {}
+        for name, link in self.links.items():
+            points = {point: self.vector(at) for point, at in link.points.items() if any(at)}
+            data['links'][name] = ({'points': points} if points else {}) | link.keys
         data['joints'] = {name: dict(self._joint(joint)) for name, joint in self.joints.items()}
         data |= self.keys
         if guess := dict(self._guess(data)):
             data['guess'] = guess
         return data
-
-    def _link(self, link: BlueprintLink) -> dict[str, Any]:
-        points = {name: self.vector(at) for name, at in link.points.items() if any(at)}
-        return ({'points': points} if points else {}) | link.keys
 
     def _joint(self, joint: dict[str, Any]) -> Iterator[tuple[str, Any]]:
         """A joint as a scene has it; the origin of a link goes by the link's name."""

@@ -115,7 +115,11 @@ def import_machine(
 
 
 def _read(reader: Reader, path: Path, unit: str | None) -> Blueprint:
-    text = _text(path)
+    data = documents.limited(path, LARGEST, f"'{path}'", 'no machine needs as much')
+    try:
+        text = data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        raise InputError(f"'{path}' cannot be read: it is not text in UTF-8") from None
     try:
         return reader(path, text, unit)
     except InputError:
@@ -123,11 +127,3 @@ def _read(reader: Reader, path: Path, unit: str | None) -> Blueprint:
     except (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError,
             ValueError) as error:  # fmt: skip
         raise InputError(f'{path.name} does not match its ending ({reason(error)})') from error
-
-
-def _text(path: Path) -> str:
-    data = documents.limited(path, LARGEST, f"'{path}'", 'no machine needs as much')
-    try:
-        return data.decode('utf-8-sig')
-    except UnicodeDecodeError:
-        raise InputError(f"'{path}' cannot be read: it is not text in UTF-8") from None

@@ -98,7 +98,16 @@ class JointTable:
                 axis = row.angle - made.links[slot].pose[2]
                 made.join(joint, 'slot', (pin, joint), (slot, joint), axis=f'{axis!r} rad')
             else:
-                self._guide(made, joint, row, first, other)
+                # a block that is a point lies as its guide does
+                block = made.links[other]
+                if not any(map(any, block.points.values())):
+                    block.pose = (*block.pose[:2], made.links[first].pose[2])
+                angle = block.pose[2] - made.links[first].pose[2]
+                axis = row.angle - made.links[first].pose[2]
+                made.join(
+                    joint, 'prismatic', (first, joint), (other, joint), axis=f'{axis!r} rad',
+                    **({'angle': f'{angle!r} rad'} if angle else {}),
+                )  # fmt: skip
         if row.input and grounded and others:
             if row.kind == 'P':
                 made.drive(others[0], speed=f'{self.speed!r} {self.unit}/s')
@@ -109,18 +118,6 @@ class JointTable:
                 made.drive(others[0], speed=f'{self.speed!r} {self.pace}', start_angle=start)
         elif row.input and not grounded:
             made.notes.append(f'the input {row.name} turns two moving links: drives here turn one')
-
-    def _guide(self, made: Blueprint, joint: str, row: JointRow, first: str, other: str) -> None:
-        """A block on a guide; one that is a point lies as its guide does."""
-        block = made.links[other]
-        if not any(map(any, block.points.values())):
-            block.pose = (*block.pose[:2], made.links[first].pose[2])
-        angle = block.pose[2] - made.links[first].pose[2]
-        axis = row.angle - made.links[first].pose[2]
-        made.join(
-            joint, 'prismatic', (first, joint), (other, joint), axis=f'{axis!r} rad',
-            **({'angle': f'{angle!r} rad'} if angle else {}),
-        )  # fmt: skip
 
 
 def _grounded(row: JointRow) -> bool:

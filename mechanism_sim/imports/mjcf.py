@@ -63,7 +63,11 @@ class _MjcfReader:
             raise InputError('the file has no worldbody')
         for world in root.findall('worldbody'):
             self._bodies(world, WORLD, '', 0)
-        self._scale_masses(number(compiler.get('settotalmass'), -1.0))
+        total = number(compiler.get('settotalmass'), -1.0)
+        # all bodies weigh so much together; a total that is not positive is none
+        mass = sum(body.mass for body in self.robot.bodies.values())
+        for body in self.robot.bodies.values() if total > 0.0 < mass else ():
+            body.mass, body.inertia = body.mass * total / mass, body.inertia * (total / mass)
         tree = [*self.robot.joints]
         self._loops()
         self._springs(self._start(tree))
@@ -187,12 +191,6 @@ class _MjcfReader:
             turn = self._turn(inertial)
             made.inertia = turn @ made.inertia @ turn.T
         return made
-
-    def _scale_masses(self, total: float) -> None:
-        """Let all bodies weigh so much together; a total that is not positive is none."""
-        mass = sum(body.mass for body in self.robot.bodies.values())
-        for body in self.robot.bodies.values() if total > 0.0 < mass else ():
-            body.mass, body.inertia = body.mass * total / mass, body.inertia * (total / mass)
 
     def _weigh(self, geom: Mapping[str, str], body: RobotBody, held: _Held) -> None:
         """Add a shape to what a body weighs, as MuJoCo does where no `inertial` says it."""
@@ -372,7 +370,7 @@ class _MjcfReader:
         """Actuators of a speed, whose controls the first keyframe has."""
         key = self._root.find('keyframe/key')
         control = (key.get('ctrl') if key is not None else None) or ''
-        values = [float(x) for x in control.split()]
+        values = [number(x) for x in control.split()]
         for k, actuator in enumerate(self._root.findall('actuator/*')):
             given = self._given(actuator)
             joint, name = given.get('joint'), given.get('name') or actuator.tag

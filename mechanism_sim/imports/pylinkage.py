@@ -25,7 +25,27 @@ def read(path: Path, text: str, unit: str | None) -> Blueprint:
             f'{path.name} has no joints and links, as mechanisms of pylinkage have: write those '
             'by its mechanism_to_json; its graphs have no lengths'
         )
-    rows, order, driver = _mechanism(data)
+    # joints, the order of those of each link, and the link that is driven
+    order = {x['id']: list(x['joints']) for x in data['links'] if x['type'] != 'ground'}
+    held = {j for x in data['links'] if x['type'] == 'ground' for j in x['joints']}
+    driver: dict[str, Any] = next(
+        (x for x in data['links'] if x['type'] in ('driver', 'arc_driver')), {}
+    )
+    rows: list[JointRow] = []
+    for joint in data['joints']:
+        name, (x, y) = joint['id'], joint['position']
+        if joint['type'] == 'tracker':
+            ends = {joint['ref_joint1_id'], joint['ref_joint2_id']}
+            owner = next(link for link, own in order.items() if ends <= {*own})
+            order[owner].append(name)
+        own = [link for link, joints in order.items() if name in joints]
+        at, ground = (float(x), float(y)), joint['type'] == 'ground' or name in held
+        if joint['type'] == 'prismatic':
+            rows += _block(name, at, own, math.atan2(joint['axis'][1], joint['axis'][0]))
+        else:
+            turns = ground and driver.get('motor_joint') == name
+            own.sort(key=lambda link: link != driver.get('id'))
+            rows.append(JointRow(name, at, tuple(own), ground=ground, input=turns))
     title = str(data.get('name') or path.stem)
     speed = float(driver.get('angular_velocity', 1.0))
     table = JointTable(title, unit or 'm', rows, order, speed, 'rad/s')
@@ -56,33 +76,6 @@ def _swing(driver: dict[str, Any], speed: float) -> str:
     begin = math.acos(min(max((middle - start) / half, -1.0), 1.0))
     rate = 0.5 * math.pi * speed / half
     return f'{middle!r} rad - {half!r} rad*cos({rate!r} rad/s*t + {begin!r} rad)'
-
-
-def _mechanism(
-    data: dict[str, Any],
-) -> tuple[list[JointRow], dict[str, list[str]], dict[str, Any]]:
-    """Joints, the order of those of each link, and the link that is driven."""
-    order = {x['id']: list(x['joints']) for x in data['links'] if x['type'] != 'ground'}
-    held = {j for x in data['links'] if x['type'] == 'ground' for j in x['joints']}
-    driver: dict[str, Any] = next(
-        (x for x in data['links'] if x['type'] in ('driver', 'arc_driver')), {}
-    )
-    rows: list[JointRow] = []
-    for joint in data['joints']:
-        name, (x, y) = joint['id'], joint['position']
-        if joint['type'] == 'tracker':
-            ends = {joint['ref_joint1_id'], joint['ref_joint2_id']}
-            owner = next(link for link, own in order.items() if ends <= {*own})
-            order[owner].append(name)
-        own = [link for link, joints in order.items() if name in joints]
-        at, ground = (float(x), float(y)), joint['type'] == 'ground' or name in held
-        if joint['type'] == 'prismatic':
-            rows += _block(name, at, own, math.atan2(joint['axis'][1], joint['axis'][0]))
-        else:
-            turns = ground and driver.get('motor_joint') == name
-            own.sort(key=lambda link: link != driver.get('id'))
-            rows.append(JointRow(name, at, tuple(own), ground=ground, input=turns))
-    return rows, order, driver
 
 
 def _block(

@@ -64,9 +64,9 @@ class JointKeys(Part):
         return next(kind for kind in KINDS if getattr(self, kind, None) is not None)
 
     @property
-    def kind_keys(self) -> type[JointKeys]:
-        """The keys of its kind, with their methods: ``joint.kind_keys.notes(joint, ...)``."""
-        return KINDS[self.kind]
+    def kind_keys(self) -> JointKeys:
+        """Keys and methods of its kind alone, with its values."""
+        return self.as_kind(KINDS[self.kind])
 
     @property
     def points(self) -> list[str]:
@@ -198,7 +198,7 @@ def contacts_of(
     elements: list[ForceElement] = []
     for name, spec in clearances.items():
         keys = joints[name]
-        found = keys.kind_keys.contacts(keys, spec, mechanism.joint(name), mechanism)
+        found = keys.kind_keys.contacts(spec, mechanism.joint(name), mechanism)
         gaps += found[0]
         elements += found[1]
     return gaps, elements
@@ -212,16 +212,15 @@ def bounds_of(
         gap
         for name, spec in touching.items()
         for keys in [joints[name]]
-        for gap in keys.kind_keys.bounds(keys, spec, mechanism.joint(name), mechanism)
+        for gap in keys.kind_keys.bounds(spec, mechanism.joint(name), mechanism)
     ]
 
 
 def keys_of(joint: JointKeys) -> list[str]:
     """The keys that have a meaning in a joint of this kind, what it connects first."""
-    fields = joint.kind_keys.model_fields
-    keys = dict.fromkeys(
-        [joint.kind, *(k for k in joint.kind_keys.__annotations__ if k in fields), *fields]
-    )
-    absent = {'clearance'} if joint.kind_keys.firm else set()
-    absent |= set() if joint.kind_keys.friction_keys else {'friction'}
+    kind = KINDS[joint.kind]
+    fields = kind.model_fields
+    keys = dict.fromkeys([joint.kind, *(k for k in kind.__annotations__ if k in fields), *fields])
+    absent = {'clearance'} if kind.firm else set()
+    absent |= set() if kind.friction_keys else {'friction'}
     return [key for key in keys if key not in absent]

@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -160,6 +160,9 @@ def named_file(value: object) -> str:
     return f': write {{file: {value}}}' if named else ''
 
 
+Kind = TypeVar('Kind', bound='Part')
+
+
 class Part(BaseModel):
     """Base of all parts of a scene: unknown keys are refused.
 
@@ -204,6 +207,14 @@ class Part(BaseModel):
     def keys_for(cls, data: Any) -> list[str]:
         """The keys that may stand beside those of `data`: of its kind, if there are several."""
         return [field.alias or name for name, field in cls.model_fields.items()]
+
+    def as_kind(self, kind: type[Kind]) -> Kind:
+        """A copy as one of a kind alone, of a class that extends all kinds.
+
+        There methods of one kind could be those of another, and `super` is the next kind.
+        """
+        own = {key: getattr(self, key) for key in kind.model_fields}
+        return kind.model_construct(self.model_fields_set & own.keys(), **own)
 
     def to_document(self, **which: Any) -> dict[str, Any]:
         """Keys and values in SI units as a file gives them, so that they can be read again.

@@ -7,8 +7,6 @@ sixteenth of a turn or less, where the motion is sharp.
 from __future__ import annotations
 
 import math
-from bisect import insort
-from collections import deque
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import partial
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.drive_laws import LawSchedule
 from mechanism_sim.engine.events import Impact, ModeChange
 from mechanism_sim.engine.physics import each_instant, is_force_open, outside, rows
 from mechanism_sim.engine.snapshot import Snapshot
@@ -112,15 +111,13 @@ class NominalRun:
         self._cuts = (
             LoadCuts(edges, steep, ideal.coordinates, ideal.driven) if edges or steep else None
         )
-        self._laws, self.timed = list(laws), True
+        self._drives, self.timed = LawSchedule(laws), True
         #: the laws about a time, which is another object where they change
         self._about: tuple[Fraction | None, list[tuple[int, tuple[float, ...]]]] = None, []
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
         self._known = KnownPieces(ideal, self._scale, np.array(first, dtype=float))
-        self._coming: deque[DriveLaw] = deque()
-        self._sources: dict[str, LawSource] = {}
         self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
         self._turns = np.array(turns or [0] * len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
@@ -144,26 +141,16 @@ class NominalRun:
         """
         if not isinstance(law, DriveLaw):
             raise ValueError('a torque needs equations of motion, not closed forms')
-        if law.valid_from < self._time:
-            raise ValueError(
-                f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
-                f'up to {self.time:.9g} s'
-            )
-        insort(self._coming, law, key=lambda x: x.valid_from)
+        self._drives.announce(law, self._time)
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
-        """Set sources of laws, by coordinate, for times without an announced law."""
-        self._sources = dict(sources)
-        for law in self._laws:
-            self._continue(law)
+        """Let laws of coordinates follow from sources where no others are announced."""
+        self._drives.go_on_by(sources)
 
-    def _continue(self, law: DriveLaw) -> None:
-        """Enter the law that follows one from its source, unless others are announced."""
-        source = self._sources.get(law.coordinate)
-        if source is None or any(x.coordinate == law.coordinate for x in self._coming):
-            return
-        if following := source.after(law):
-            insort(self._coming, following, key=lambda x: x.valid_from)
+    @property
+    def _laws(self) -> list[DriveLaw]:
+        """Laws of angles in force."""
+        return [law for law in self._drives.laws if isinstance(law, DriveLaw)]
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every piece that ends not later than `until` [s]; with `final` up to `until`.
@@ -175,15 +162,13 @@ class NominalRun:
         while most is None or self.steps - first < most:
             end = self._usual_end()
             rounded = float(end)  # fractions take long to compare
-            change = self._coming[0].valid_from if self._coming else math.inf
+            coming = self._drives.coming
+            change = coming[0].valid_from if coming else math.inf
             # what a rounding would leave before a change of the law is no piece of its own
             if change <= until and change <= rounded + END * (rounded - self.time):
                 self._add(Fraction(change))
                 if self._time == change:
-                    law = self._coming.popleft()
-                    names = [known.coordinate for known in self._laws]
-                    self._laws[names.index(law.coordinate)] = law
-                    self._continue(law)
+                    self._drives.switch()
                     self._about = None, []
                 continue
             if rounded > until or (rounded == until and end > until):
@@ -207,7 +192,7 @@ class NominalRun:
             return None
         here, steps = self.snapshot(), self.steps
         while self.time < until:
-            changes = (Fraction(law.valid_from) for law in self._coming)
+            changes = (Fraction(law.valid_from) for law in self._drives.coming)
             self._add(min([self._usual_end(), *changes]))
         while self._pieces[-1][0] >= until:  # several may have been added at once
             self._pieces.pop()
@@ -259,17 +244,9 @@ class NominalRun:
                 f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its constraints '
                 'are nearly singular there'
             )
-        self._enter(made)
-        if made.smooth:
-            self._share = min(1.0, 2.0 * self._share)
-        self._time = end if h == whole else self._time + Fraction(h)
-        self._last = made.coefficients @ h ** np.arange(len(NODES))
-        self._take_off_turns()
-
-    def _enter(self, made: NextPiece) -> None:
-        """Add a piece from here on, in the parts that loads cut it into."""
+        # a piece for each of the parts that loads cut it into
         driven = self._ideal.driven
-        for begin, end in pairwise([0.0, *made.cuts, made.length]):
+        for begin, stop in pairwise([0.0, *made.cuts, made.length]):
             start, turns, coefficients = self._time, self._turns.copy(), made.coefficients
             if begin:
                 start += Fraction(begin)
@@ -277,8 +254,13 @@ class NominalRun:
                 turns[driven] = [whole for whole, _ in laws]
                 coefficients = shift_powers(coefficients, np.full(len(turns), begin))
                 _with_laws(coefficients, laws, driven)
-            self._pieces.append((start, end - begin, turns, coefficients))
+            self._pieces.append((start, stop - begin, turns, coefficients))
             self.steps += 1
+        if made.smooth:
+            self._share = min(1.0, 2.0 * self._share)
+        self._time = end if h == whole else self._time + Fraction(h)
+        self._last = made.coefficients @ h ** np.arange(len(NODES))
+        self._take_off_turns()
 
     def _next(self, h: float, end: Fraction) -> NextPiece | None:
         """The piece of so many seconds, known or made; None if rows of tables are added."""
@@ -458,15 +440,14 @@ class NominalRun:
         slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
             '', self._time, 0.0, turns, (*self._last.tolist(), *slope), (), self._short, (),
-            (), (), (), self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming),
-            -math.inf, (0, 0),
+            (), (), (), self._share, math.inf, 0.0,
+            tuple(self._drives.laws), tuple(self._drives.coming), -math.inf, (0, 0),
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot."""
         self._time = snapshot.base + Fraction(snapshot.tau)
-        self._laws = [law for law in snapshot.laws if isinstance(law, DriveLaw)]
-        self._coming = deque(law for law in snapshot.coming if isinstance(law, DriveLaw))
+        self._drives.restore(snapshot.laws, snapshot.coming)
         n = len(self._last)
         self._last, slope = np.array(snapshot.state[:n]), np.array(snapshot.state[n:])
         self._slope, self._share = slope if slope.size else None, snapshot.stabilisation
@@ -700,7 +681,13 @@ class NominalPhysics:
                 return found
             segments, dt, sure = segments[passage.index], dt[passage.index], passage.branch.found
             if turn == 0:
-                found += self._resting(curve, segments[~sure], dt[~sure])
+                # since when the drive has rested, at instants in order at which no branch is known
+                still, since = segments[~sure], dt[~sure]
+                places = curve.at(still, since)[:, self._ideal.driven[0]]
+                first = np.flatnonzero(np.abs(np.diff(places, prepend=np.inf)) > 1e-9)
+                begun = curve.start[still] + since
+                for k in first:
+                    found.append(NoLimit(float(begun[k]), float(places[k]), self.joints, True))
             with np.errstate(divide='ignore', invalid='ignore'):
                 dt = dt + passage.root / passage.pace
             within = np.clip(dt, 0.0, curve.duration[segments])
@@ -781,15 +768,6 @@ class NominalPhysics:
         acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
         outside = self._outside(curve, segments, dt)
         return self._forces.work_of_unknowns(q, v, a, outside, acting)
-
-    def _resting(
-        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
-    ) -> list[NoLimit]:
-        """Since when the drive has rested, of instants in order at which no branch is known."""
-        places = curve.at(segments, dt)[:, self._ideal.driven[0]]
-        first = np.flatnonzero(np.abs(np.diff(places, prepend=np.inf)) > 1e-9)
-        begun = curve.start[segments] + dt
-        return [NoLimit(float(begun[k]), float(places[k]), self.joints, True) for k in first]
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Open gaps: none, (0, N)."""

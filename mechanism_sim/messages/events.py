@@ -95,32 +95,41 @@ def scene_change(path: str, value: float, time: float) -> Any:
 def impact(event: ImpactEvent, index: int, frame: str = '') -> Any:
     """Impact message; `frame` is that of the directions, of the ground link."""
     message = message_class('mechanism_sim/msg/Impact')(
-        time=event.t,
-        index=index,
-        joint=event.joint,
-        normal_angle=event.normal_angle,
-        approach_speed=event.approach_speed,
-        rebound_speed=event.rebound_speed,
-        normal_impulse=event.normal_impulse,
-        tangential_impulse=event.tangential_impulse,
-        energy_loss=event.energy_loss,
-        drive_impulse=event.drive_impulse,
-        ends_chatter=event.ends_chatter,
-        chatter_time=event.chatter_time,
-        duration=event.duration,
-        peak_force=event.peak_force,
+        time=event.t, index=index, joint=event.joint, **_impact_fields(event)
     )
     message.header.stamp, message.header.frame_id = stamp(event.t), frame
     return message
 
 
+def _impact_fields(event: ImpactEvent) -> dict[str, Any]:
+    """Fields of an impact, or of many, whose values are arrays (N,) then."""
+    return {
+        'normal_angle': event.normal_angle,
+        'approach_speed': event.approach_speed,
+        'rebound_speed': event.rebound_speed,
+        'normal_impulse': event.normal_impulse,
+        'tangential_impulse': event.tangential_impulse,
+        'energy_loss': event.energy_loss,
+        'drive_impulse': event.drive_impulse,
+        'ends_chatter': event.ends_chatter,
+        'chatter_time': event.chatter_time,
+        'duration': event.duration,
+        'peak_force': event.peak_force,
+    }
+
+
 def mode_change(event: ModeChangeEvent) -> Any:
     """ModeChange message."""
     message = message_class('mechanism_sim/msg/ModeChange')(
-        time=event.t, joint=event.joint, mode=int(event.mode), previous_mode=int(event.previous)
+        time=event.t, joint=event.joint, **_mode_fields(event)
     )
     message.header.stamp = stamp(event.t)
     return message
+
+
+def _mode_fields(event: ModeChangeEvent) -> dict[str, Any]:
+    """Fields of a change of mode, or of many."""
+    return {'mode': event.mode, 'previous_mode': event.previous}
 
 
 class EventWriter:
@@ -132,30 +141,31 @@ class EventWriter:
 
     def impacts(self, events: Sequence[ImpactEvent], first: int) -> list[bytes]:
         """Impact messages, counted from `first`."""
-        columns = dict(zip(ImpactEvent._fields, zip(*events, strict=True), strict=False))
-        columns.pop('drive_work', None)
-        columns['index'] = tuple(range(first, first + len(events)))
+        if not events:
+            return []
+        many = ImpactEvent._make(map(np.array, zip(*events, strict=True)))
+        columns = {**_impact_fields(many), 'index': np.arange(first, first + len(events))}
         return self._write(events, columns, lambda event: impact(event, 0, self._frame))
 
     def mode_changes(self, events: Sequence[ModeChangeEvent]) -> list[bytes]:
         """ModeChange messages."""
-        columns = dict(zip(('t', 'joint', 'mode', 'previous_mode'), zip(*events, strict=True),
-                           strict=False))  # fmt: skip
-        return self._write(events, columns, mode_change)
+        if not events:
+            return []
+        many = ModeChangeEvent._make(map(np.array, zip(*events, strict=True)))
+        return self._write(events, _mode_fields(many), mode_change)
 
     def _write(
         self, events: Sequence[Any], columns: dict[str, Any], make: Callable[[Any], Any]
     ) -> list[bytes]:
         made: list[bytes] = [b''] * len(events)
-        joints = columns.pop('joint', ())
-        arrays = {name: np.array(values) for name, values in columns.items()}
+        t, joints = np.array([event.t for event in events]), [event.joint for event in events]
         for joint in dict.fromkeys(joints):
             which = [i for i, name in enumerate(joints) if name == joint]
             key = type(events[which[0]]), joint
             layout = self._layouts.get(key)
             if layout is None:
                 layout = self._layouts[key] = Layout(make(events[which[0]]))
-            chosen = {name: values[which] for name, values in arrays.items()}
-            for i, data in zip(which, layout.write(chosen.pop('t'), chosen), strict=True):
+            chosen = {name: values[which] for name, values in columns.items()}
+            for i, data in zip(which, layout.write(t[which], chosen), strict=True):
                 made[i] = data
         return made

@@ -64,7 +64,22 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line."""
-        raise InputError(self._context() + _plain(message))
+        # without the terms of argparse
+        for pattern, words in (
+            (r'^argument ([^:]*): (?=takes one value)', r'\1 '),
+            (r'^argument ([^:]*): ', r'\1: '),
+            (r'invalid float value: (.*)', r'\1 is not a number'),
+            (r'invalid int value: (.*)', r'\1 is not a whole number'),
+            (r': expected one argument$', ' needs a value, after = if it begins with -'),
+            (r': ignored explicit argument (.*)', r' takes no value, but \1 was given'),
+            (r': expected at least one argument$', ' needs at least one value'),
+            (r'the following arguments are required: (.*)', r'\1 is missing; see --help'),
+            (r': not allowed with argument (.*)', r' and \1 exclude each other: keep one'),
+        ):
+            message = re.sub(pattern, words, message)
+        # the command, where there are several
+        _, _, command = self.prog.partition(' ')
+        raise InputError(f'{command}: {message}' if command else message)
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
         """Print the help; that of argparse is silent where the output is full."""
@@ -92,11 +107,6 @@ class Parser(argparse.ArgumentParser):
         action = self._option_string_actions[f'--{name}']
         return bool(getattr(options, action.dest) != action.default)
 
-    def _context(self) -> str:
-        """The command, where there are several."""
-        _, _, command = self.prog.partition(' ')
-        return f'{command}: ' if command else ''
-
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = [str(choice) for choice in action.choices]
@@ -104,23 +114,6 @@ class Parser(argparse.ArgumentParser):
                 action, f"'{value}' is not possible{nearest(str(value), known)}; allowed: "
                 f'{", ".join(known)}',
             )  # fmt: skip
-
-
-def _plain(message: str) -> str:
-    """A message of argparse without its own terms."""
-    for pattern, words in (
-        (r'^argument ([^:]*): (?=takes one value)', r'\1 '),
-        (r'^argument ([^:]*): ', r'\1: '),
-        (r'invalid float value: (.*)', r'\1 is not a number'),
-        (r'invalid int value: (.*)', r'\1 is not a whole number'),
-        (r': expected one argument$', ' needs a value, after = if it begins with -'),
-        (r': ignored explicit argument (.*)', r' takes no value, but \1 was given'),
-        (r': expected at least one argument$', ' needs at least one value'),
-        (r'the following arguments are required: (.*)', r'\1 is missing; see --help'),
-        (r': not allowed with argument (.*)', r' and \1 exclude each other: keep one'),
-    ):
-        message = re.sub(pattern, words, message)
-    return message
 
 
 def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -146,7 +146,14 @@ class ControlRelay(DescribedNode):
 
     def _take_command(self, message: Any) -> None:
         """Pass a command on if it answers the state that is shown."""
-        value = self._value(message)
+        # the component writes the names of all joints, and the values of those that take
+        # commands, not a number without a controller
+        values = getattr(message, self._kind)
+        if len(values) == 1:
+            found = values[0]
+        else:
+            found = dict(zip(message.name, values, strict=False)).get(self._joint, math.nan)
+        value = float(found) if math.isfinite(found) else None
         if self._period:
             self._heard = True
             if self._shown is None or not self._paired:
@@ -165,19 +172,6 @@ class ControlRelay(DescribedNode):
         self._command.publish(Float64(data=self._last))
         if self._period:
             self._show_next()
-
-    def _value(self, message: Any) -> float | None:
-        """The command of the driven joint in a message; None if there is none.
-
-        The component writes the names of all joints, and the values of those that take commands,
-        NaN without a controller.
-        """
-        values = getattr(message, self._kind)
-        if len(values) == 1:
-            found = values[0]
-        else:
-            found = dict(zip(message.name, values, strict=False)).get(self._joint, math.nan)
-        return float(found) if math.isfinite(found) else None
 
     def diagnose(self) -> Diagnosis:
         """State of the lock step, and the lead of its clock over the machine."""

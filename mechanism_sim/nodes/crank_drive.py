@@ -220,28 +220,28 @@ class CrankDrive(Drive):
         """Time [s] to which commands, and the drive that this one follows, let it go."""
         return min(self._commands.horizon, self._leader.time)
 
-    def _horizon(self) -> float:
-        """Time [s] up to which the law may be announced now."""
-        lead, factor = self._lead_and_factor()
-        slowest = min(self.partners.time, self.spawning.time)
-        horizon = min(slowest + lead, self.duration, self._given)
-        if not self.playing:
-            return min(horizon, self._goal)
-        if factor > 0.0:
-            horizon = min(horizon, self._pace.due(factor, self.announced) + lead)
-        return horizon
-
     def extend(self) -> None:
         """Announce the law for as long as the slowest partner, the pace and commands allow."""
         if self.final or not self.ready:
             return
         if self._leader.finished and self.announced >= self._leader.time:
             self._quitting = True
-        end, horizon = self.duration, self._horizon()
+        end = self.duration
+        # up to which the law may be announced now [s]
+        lead, factor = self.value('lead'), self.value('realtime_factor')
+        if factor > 0.0:
+            # with a pace, partners are not let fall far behind: they would rush to make up for it
+            lead = min(lead, AHEAD * factor)
+        slowest = min(self.partners.time, self.spawning.time)
+        horizon = min(slowest + lead, self.duration, self._given)
+        if not self.playing:
+            horizon = min(horizon, self._goal)
+        elif factor > 0.0:
+            horizon = min(horizon, self._pace.due(factor, self.announced) + lead)
         stays = self.value('hold') or self._leader.name  # who follows ends when its leader does
         final = self._quitting or (horizon >= end and not stays)
         # a message that extends the law by less is not worth while
-        worthwhile = self.announced + 0.25 * self._lead_and_factor()[0]
+        worthwhile = self.announced + 0.25 * lead
         if self._quitting:
             horizon = self.announced
         elif horizon <= self.announced or (
@@ -266,11 +266,6 @@ class CrankDrive(Drive):
         if self.value('hold') and horizon >= end:
             self.pause()
         self.report(horizon, finished=final)
-
-    def _lead_and_factor(self) -> tuple[float, float]:
-        lead, factor = self.value('lead'), self.value('realtime_factor')
-        # With a pace, partners are not let fall far behind: they would rush to make up for it.
-        return min(lead, AHEAD * factor) if factor > 0.0 else lead, factor
 
     def promise(self, until: float, final: bool = False, again: bool = False) -> None:
         """Announce that the present law holds until then [s]; `final`, and that the run ends."""

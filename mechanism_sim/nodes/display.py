@@ -52,7 +52,7 @@ class Display(SimulationNode):
     def _start_over(self) -> None:
         if self._preview.machine is not self.machine:
             self._take_machine()
-        self._begin()
+        self.on_ready()
 
     def _rest(self) -> None:
         # All have come: the next one is of another run, and may come before its motion.
@@ -60,9 +60,6 @@ class Display(SimulationNode):
 
     def on_ready(self) -> None:
         """All partners are there: show the machine."""
-        self._begin()
-
-    def _begin(self) -> None:
         self._schedule = Schedule(self.machine.scene.outputs.markers)
         self._swaying = Swaying(self.machine)
         self.send(self._shapes, shapes(self._preview.skeleton, self._prefix))

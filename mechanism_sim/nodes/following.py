@@ -14,6 +14,7 @@ from mechanism_sim.messages import Motion
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.numerics.polynomials import first_due
 
 ROUNDING = 1e-9
 """Relative rounding of times at which consecutive pieces of motion meet."""
@@ -100,10 +101,5 @@ class Schedule:
 
     def due(self, end: float) -> NDArray[np.float64]:
         """Times [s] before `end` that were not handed out yet."""
-        if self._next / self._rate >= end:
-            return np.zeros(0)
-        last = max(self._next, math.ceil(end * self._rate))
-        t = np.arange(self._next, last + 1) / self._rate
-        t = t[t < end]
-        self._next += len(t)
-        return t
+        first, self._next = self._next, max(self._next, first_due(end, self._rate))
+        return np.arange(first, self._next) / self._rate

@@ -171,7 +171,9 @@ class Integration:
             self._restitutions.start_over()
             self._reset()
             self.begin()
-        if self._holds_no_longer(message):
+        # it may say what is known already, see `Drive.promise`
+        known = message.law_id == self._law_id and message.valid_until <= self._known
+        if known and not message.final:
             self._samples.show_again(message.valid_from)
         elif message.valid_until > 0.0:
             self._advance(message)
@@ -180,11 +182,6 @@ class Integration:
             self._send_motion(none.motion, 0.0)
         self._node.report(self._known, finished=message.final, again=message.again)
         self._node.done = message.final and not message.again
-
-    def _holds_no_longer(self, message: Any) -> bool:
-        """True if a message says what is known already, see `Drive.promise`."""
-        known = message.law_id == self._law_id and message.valid_until <= self._known
-        return known and not message.final
 
     def _advance(self, message: Any) -> None:
         machine = self._machine

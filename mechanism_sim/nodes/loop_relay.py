@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.urdf import drivers_urdf, to_urdf
 from mechanism_sim.linkages.drive_range import drive_range
@@ -80,7 +79,15 @@ class LoopRelay(DescribedNode):
             return
         told = [places[name] for name in self._driven]
         try:
-            q = self._followed(told)
+            if not np.isfinite(told).all():
+                raise RunError('a position is not finite')
+            for joint, x in zip(self._driven, told, strict=True):
+                low, high = self._limits.get(joint, (-np.inf, np.inf))
+                if not low <= x <= high:
+                    raise RunError(
+                        f'{joint} = {x:.9g} is beyond its limits, {low:.9g} to {high:.9g} [rad, m]'
+                    )
+            q = self._tracker.to(told)
         except RunError as error:
             self._refused = str(error)
             self.ignore(_DRIVERS, self._refused)
@@ -99,18 +106,6 @@ class LoopRelay(DescribedNode):
             at = np.array([nanoseconds(stamp)])
             publish_all(self._tf, self._frames(at, q[None]))
         self._answered, self._refused = self._answered + 1, ''
-
-    def _followed(self, told: list[float]) -> Array:
-        """Configuration (n,) at positions of the driving joints; RunError if there is none."""
-        if not np.isfinite(told).all():
-            raise RunError('a position is not finite')
-        for name, x in zip(self._driven, told, strict=True):
-            low, high = self._limits.get(name, (-np.inf, np.inf))
-            if not low <= x <= high:
-                raise RunError(
-                    f'{name} = {x:.9g} is beyond its limits, {low:.9g} to {high:.9g} [rad, m]'
-                )
-        return self._tracker.to(told)
 
     def diagnose(self) -> Diagnosis:
         """Diagnose the number of answered states, and the refusal of the last one."""

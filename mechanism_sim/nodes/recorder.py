@@ -58,7 +58,10 @@ class Recorder(SimulationNode):
         self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
         for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners.names):
             deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
-            self._record(topic, kind, PROFILES[delivery], deep)
+            name = self.resolve_topic_name(topic)
+            self._topics[name] = kind, PROFILES[delivery]
+            callback = self._make_callback(name, type_name(kind))
+            self.create_subscription(kind, topic, self.once_ready(callback), deep, raw=True)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self.create_timer(FLUSH_PERIOD, self._flush)
         self.join()
@@ -96,12 +99,6 @@ class Recorder(SimulationNode):
     def _flush(self) -> None:
         if self.ready:
             self.writer.flush()
-
-    def _record(self, topic: str, kind: Any, qos: QoSProfile, heard: QoSProfile) -> None:
-        name = self.resolve_topic_name(topic)
-        self._topics[name] = kind, qos
-        callback = self._make_callback(name, type_name(kind))
-        self.create_subscription(kind, topic, self.once_ready(callback), heard, raw=True)
 
     def _make_callback(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""

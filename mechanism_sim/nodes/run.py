@@ -227,7 +227,20 @@ class _Children:
 
     def __init__(self, plan: NodePlan) -> None:
         self.code = 0
-        self._processes = {name: _spawn(plan, name) for name in plan.nodes}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        for name in plan.nodes:
+            command = [sys.executable, '-m', 'mechanism_sim', 'node', name]
+            # The monitor is no partner, but has to hear how each node ends.
+            listeners = [*plan.listeners, f'{MONITOR}:progress']
+            for key, value in (plan.options(name) | {'listeners': listeners}).items():
+                option = f'--{key.replace("_", "-")}'
+                if key == 'overrides':
+                    command += [part for text in plan.overrides for part in ('--set', text)]
+                elif value is True:
+                    command.append(option)
+                elif value is not False:
+                    command += [option, ','.join(value) if isinstance(value, list) else str(value)]
+            self._processes[name] = process_exit.start([*command, *plan.ros_args])
         self._deadline: float | None = None
         self._next_look = 0.0
 
@@ -258,21 +271,6 @@ class _Children:
         """Wait until all have ended."""
         while self.running():
             time.sleep(LOOK)
-
-
-def _spawn(plan: NodePlan, node: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, '-m', 'mechanism_sim', 'node', node]
-    # The monitor is no partner, but has to hear how each node ends.
-    listeners = [*plan.listeners, f'{MONITOR}:progress']
-    for key, value in (plan.options(node) | {'listeners': listeners}).items():
-        option = f'--{key.replace("_", "-")}'
-        if key == 'overrides':
-            command += [part for text in plan.overrides for part in ('--set', text)]
-        elif value is True:
-            command.append(option)
-        elif value is not False:
-            command += [option, ','.join(value) if isinstance(value, list) else str(value)]
-    return process_exit.start([*command, *plan.ros_args])
 
 
 def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:

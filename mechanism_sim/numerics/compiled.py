@@ -269,7 +269,11 @@ class Evaluation:
         for first in range(0, count, COLUMNS):
             block = np.ascontiguousarray(inputs[:, first : first + COLUMNS])
             width, pars = block.shape[1], repeated
-            if width < COLUMNS:
-                pars = np.repeat(repeated[:, :1], width, axis=1)
-            out[:, first : first + COLUMNS] = made(block, pars=pars)
+            # What is left over from whole vectors runs through other code, which rounds otherwise:
+            # of an instant nothing is to depend on how many there are.
+            if over := -width % made.batch_size:
+                block = np.concatenate([block, np.repeat(block[:, -1:], over, axis=1)], axis=1)
+            if block.shape[1] < COLUMNS:
+                pars = np.repeat(repeated[:, :1], block.shape[1], axis=1)
+            out[:, first : first + COLUMNS] = made(block, pars=pars)[:, :width]
         return [out[group] for group in self._groups]

@@ -351,6 +351,16 @@ def shift_powers(coefficients: Array, by: Array) -> Array:
     return rows
 
 
+def first_due(t: float, rate: float) -> int:
+    """Number of the first of samples at multiples of ``1 / rate`` that is due at `t` [s] or later.
+
+    ``t * rate`` alone may round past it: 0.07 s at 100 Hz are more than 7.
+    """
+    k = math.ceil(t * rate)
+    k -= (k - 1) / rate >= t
+    return k + (k / rate < t)
+
+
 def exact_sum(high: Array, low: Array, x: Array) -> tuple[Array, Array]:
     """``high + low + x`` rounded to a float, and the remainder; `low` is below an ulp."""
     total = high + x

@@ -38,10 +38,13 @@ def import_map(names: Iterable[str], more: Mapping[str, str] | None = None) -> s
     that a relative one could start from.
     """
     texts = {name: asset(f'{name}.js') for name in names} | dict(more or {})
+    addresses = {}
     for name, text in texts.items():
         if missing := {*_IMPORTED.findall(text)} - texts.keys():
             raise KeyError(f'{name}.js imports {", ".join(missing)}, which is not in the map')
-    return json.dumps({'imports': {name: _inlined(text) for name, text in texts.items()}})
+        encoded = base64.b64encode(text.encode()).decode('ascii')
+        addresses[name] = f'data:text/javascript;base64,{encoded}'
+    return json.dumps({'imports': addresses})
 
 
 def render(template: str, room: str = __package__, **values: Any) -> str:
@@ -71,8 +74,3 @@ def embedded(data: Any) -> Markup:
     """JSON that can stand in a page: nothing in it ends the element around it."""
     text = data if isinstance(data, str) else strict_json.dumps(data)
     return Markup(text.replace('<', '\\u003c'))  # noqa: S704 - escaped as JSON may be
-
-
-def _inlined(module: str) -> str:
-    text = base64.b64encode(module.encode()).decode('ascii')
-    return f'data:text/javascript;base64,{text}'

@@ -176,8 +176,8 @@ class _PlotlyFigure:
                 self._column(panel, curve)
         for mark in panel.marks:
             self._mark(mark, panel, where)
-        if len(panel.struck):
-            self._struck(panel, k, n, where)
+        if len(panel.impact_times):
+            self._mark_impacts(panel, k, n, where)
         if panel.title:
             self.layout.setdefault('annotations', []).append({
                 'text': panel.title, 'x': across[0], 'y': domain[1], 'xref': 'paper',
@@ -223,7 +223,7 @@ class _PlotlyFigure:
                 'font': {'size': 10, 'color': GROUND}, **refs,
             })  # fmt: skip
 
-    def _struck(self, panel: Panel, k: int, n: str, where: _Json) -> None:
+    def _mark_impacts(self, panel: Panel, k: int, n: str, where: _Json) -> None:
         """Impacts at the upper edge, on an axis of their own that lies over that of the panel."""
         own = f'{100 + k}'
         self.layout['yaxis' + own] = {
@@ -231,8 +231,8 @@ class _PlotlyFigure:
             'visible': False, 'fixedrange': True,
         }  # fmt: skip
         self.data.append({
-            'type': 'scatter', 'mode': 'markers', 'x': packed(places(panel.struck)),
-            'y': packed(brief(np.full(len(panel.struck), 0.97))), 'name': 'impact',
+            'type': 'scatter', 'mode': 'markers', 'x': packed(places(panel.impact_times)),
+            'y': packed(brief(np.full(len(panel.impact_times), 0.97))), 'name': 'impact',
             'marker': {'symbol': 'line-ns', 'size': 7, 'line': {'color': IMPACT, 'width': 1}},
             'hoverinfo': 'skip', 'xaxis': where['xaxis'], 'yaxis': 'y' + own,
             'showlegend': True, 'legend': 'legend' + n, 'meta': [k, 'struck'],

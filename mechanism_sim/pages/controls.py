@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from mechanism_sim.export.bending import round_below
 from mechanism_sim.messages.part_states import integrator_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine
@@ -75,9 +76,7 @@ def visible_pace(machine: Machine, duration: float = math.inf) -> float:
 
     At it a turn of the drive, or a run that is shorter, takes about four seconds.
     """
-    pace = min(max(min(machine.drive.period, duration) / TURN, SLOWEST), 1.0)
-    ten = 10.0 ** math.floor(math.log10(pace))
-    return max(x for x in (ten, 2.0 * ten, 5.0 * ten, 10.0 * ten) if x <= pace * (1.0 + 1e-9))
+    return round_below(min(max(min(machine.drive.period, duration) / TURN, SLOWEST), 1.0))
 
 
 def controls(machine: Machine) -> dict[str, Control]:

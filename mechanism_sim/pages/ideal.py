@@ -5,6 +5,7 @@ It closes the loops itself, by the machine's own closures in JavaScript.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -78,7 +79,7 @@ def page(
     text = render(
         'ideal.html.jinja',
         scene=machine.name,
-        source=source or machine.name,
+        source=shlex.quote(source or machine.name),
         title=machine.scene.title,
         description=machine.scene.description.strip(),
         style=styles('stage', 'style', 'live', 'ideal'),
@@ -170,7 +171,20 @@ class PageDrive:
         elif self._slides:
             self._range = start, start - size, start + size
         self._speed = self._speed or (0.1 * size if self._slides else _TURN)
-        self.coordinates = self._followed()
+        # from the start to both ends, or to where the loops cannot be closed
+        found, (start, low, high) = [self._q], self._range
+        for end in (high, low):
+            last = [self._q, self._q]
+            for u in np.linspace(start, end, _LOOKS)[1:]:
+                guess = 2.0 * last[-1] - last[-2]
+                held = self._values(np.array([u]))[:, 0] if self._timed else u
+                guess[self.kinematics.held] = held
+                q, left = self.kinematics.positions(guess[:, None])
+                if left.any() or (np.abs(q[:, 0] - guess) > 0.3 * self.kinematics.scale).any():
+                    break
+                last.append(q[:, 0])
+            found += last[2:]
+        self.coordinates = np.array(found).T
 
     def _pieces(self, c: str, end: float) -> list[tuple[float, tuple[float, ...]]]:
         """Start times [s] of a coordinate's laws, and powers of the time since then."""
@@ -189,22 +203,6 @@ class PageDrive:
                 later = t >= start
                 row[later] = np.polynomial.polynomial.polyval(t[later] - start, powers)
         return found
-
-    def _followed(self) -> Array:
-        """Coordinates from the start to both ends, or to where the loops cannot be closed."""
-        found, (start, low, high) = [self._q], self._range
-        for end in (high, low):
-            last = [self._q, self._q]
-            for u in np.linspace(start, end, _LOOKS)[1:]:
-                guess = 2.0 * last[-1] - last[-2]
-                held = self._values(np.array([u]))[:, 0] if self._timed else u
-                guess[self.kinematics.held] = held
-                q, left = self.kinematics.positions(guess[:, None])
-                if left.any() or (np.abs(q[:, 0] - guess) > 0.3 * self.kinematics.scale).any():
-                    break
-                last.append(q[:, 0])
-            found += last[2:]
-        return np.array(found).T
 
     def to_json(self) -> dict[str, Any]:
         """All about it for a page."""

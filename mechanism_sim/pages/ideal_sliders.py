@@ -22,6 +22,7 @@ from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.view import SLOT
 from mechanism_sim.scene import Machine, load_scene
+from mechanism_sim.scene.facts import value_at
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.units import alike, for_people, to_si_text, typeset
 
@@ -217,12 +218,7 @@ class SliderReader:
         ]
 
     def _value(self, path: str) -> float:
-        place, axis = _split(path)
-        value: Any = self._document
-        for key in place.split('.'):
-            value = value.get(key) if isinstance(value, Mapping) else None
-        if axis is not None:
-            value = value[axis] if isinstance(value, list | tuple) and len(value) == 2 else None
+        value, _ = value_at(self.machine.scene, path)
         if not isinstance(value, float):
             usual = self._usual()
             raise InputError(
@@ -243,7 +239,7 @@ class SliderReader:
         if not alike(unit, other) or not low < high:
             raise InputError(f"{where} must be a low and a high value, as '40 mm:80 mm'")
         for text in texts:
-            check_scene(self.machine.name, self._document, self._overrides({path: text}))
+            check_scene(self.machine.name, self._document, {path: text})
         if not low <= value <= high:
             shown, scale = for_people(unit)
             own = f'{scale * value:.6g} {shown}'.rstrip()
@@ -252,21 +248,7 @@ class SliderReader:
 
     def at(self, values: Mapping[str, float]) -> Machine:
         """The machine at other values [SI] by path."""
-        return load_scene(self.machine, self._overrides(values))
-
-    def _overrides(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Values by key, points with both components."""
-        found: dict[str, Any] = {}
-        for path, value in values.items():
-            place, axis = _split(path)
-            known: Any = self._document
-            for key in place.split('.'):
-                known = known[key]
-            if axis is None:
-                found[place] = value
-            else:
-                found.setdefault(place, [*known])[axis] = value
-        return found
+        return load_scene(self.machine, values)
 
     def _add(self, path: str, low: float, high: float, unit: str) -> str:
         """Give a key a slider; why it cannot have one, else nothing."""
@@ -276,7 +258,7 @@ class SliderReader:
         parts = [(away[s.path] - s.value, s.change) for s in self.found]
         try:
             one, every = (
-                self._dimensions(load_scene(self.machine, self._overrides(values)))
+                self._dimensions(self.at(values))
                 for values in ({**away, path: value + step}, {**away, path: value - 2.0 * step})
             )
         except InputError as error:
@@ -315,9 +297,3 @@ def _may_stay(name: str) -> bool:
     """True of scales of closures, whose zeros alone matter, and of arrows beside a joint."""
     scale = name.startswith('par:') and name.endswith('.size')
     return scale or name.startswith('shape:drive')
-
-
-def _split(path: str) -> tuple[str, int | None]:
-    """A key, and which component of its value is meant."""
-    place, _, last = path.rpartition('.')
-    return (place, 'xy'.index(last)) if last in ('x', 'y') and place else (path, None)

@@ -48,23 +48,19 @@ class Recorded:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data of the run; see `Stage.to_json`, `StageFrames.packed`."""
-        return {
-            'stage': self.stage.to_json(),
-            'frames': self.frames.packed(),
-            'impacts': self._impacts(),
-        }
-
-    def _impacts(self) -> dict[str, Any]:
-        """Times, bearings, joints (-1: none), directions [rad], impulses [N s] of impacts."""
         gaps = [impact.joint for impact in self.impacts]
         struck = {gap: self.stage.struck(gap) for gap in set(gaps)}
         return {
-            't': packed(np.array([impact.t for impact in self.impacts])),
-            'bearing': packed(np.array([struck[gap][0] for gap in gaps], np.int16)),
-            'joint': packed(np.array([struck[gap][1] for gap in gaps], np.int16)),
-            'angle': packed(np.array([i.normal_angle for i in self.impacts], np.float32)),
-            'impulse': packed(np.array([i.normal_impulse for i in self.impacts], np.float32)),
-            'hardest': self.hardest,
+            'stage': self.stage.to_json(),
+            'frames': self.frames.packed(),
+            'impacts': {
+                't': packed(np.array([impact.t for impact in self.impacts])),
+                'bearing': packed(np.array([struck[gap][0] for gap in gaps], np.int16)),
+                'joint': packed(np.array([struck[gap][1] for gap in gaps], np.int16)),
+                'angle': packed(np.array([i.normal_angle for i in self.impacts], np.float32)),
+                'impulse': packed(np.array([i.normal_impulse for i in self.impacts], np.float32)),
+                'hardest': self.hardest,
+            },
         }
 
 
@@ -78,7 +74,11 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     many = np.linspace(record.start, record.end, _SEEN)
     sway = Swaying(record.machine).take(record.history)
     stage = stage_of(record.machine, record.piece.view(many).observed, sway(many))
-    most = min(MOST, _BYTES // _size(stage))
+    # bytes of an instant on the page
+    numbers = 3 * len(stage.links) + 4 * len(stage.bearings) + 2 * len(stage.joints)
+    numbers += 3 * len(stage.plays) + 3 * len(stage.skeleton.mounts)
+    size = 16 + 4 * numbers + len(stage.bearings) + len(stage.plays)
+    most = min(MOST, _BYTES // size)
     hardest_first = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
     kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
     t = times_of(record, most, most // 8)
@@ -103,15 +103,9 @@ def together(*runs: Recorded) -> tuple[Recorded, ...]:
 
 def times_of(record: Record, most: int, events: int = 0) -> Array:
     """The instants of a page (N,) [s]: at most so many, beside both sides of so many events."""
-    return instants(record.piece, record.start, record.end, _density(record), 1, most, events)
-
-
-def _density(record: Record) -> Array:
-    """Instants of a run [1/s] where its steps meet: more where the machine is faster.
-
-    There are `PER_TURN` in a turn of the main drive, and as many as it takes for pins to stay in
-    their places between them, see `NEAR`.
-    """
+    # Instants [1/s] where steps meet: more where the machine is faster. There are `PER_TURN` in
+    # a turn of the main drive, and as many as it takes for pins to stay in their places between
+    # them, see `NEAR`.
     machine, curve = record.machine, record.piece.motion.curve
     t = np.append(curve.start, curve.end)
     k = np.append(np.arange(len(curve)), len(curve) - 1)
@@ -127,11 +121,4 @@ def _density(record: Record) -> Array:
         fourth = (fourth * np.where(slides, 1.0, machine.mechanism.size)).max(axis=1)
         radial = min(machine.plan.clearances[joint.name].radial for joint in machine.bearings)
         dense = np.maximum(dense, (fourth / (384.0 * NEAR * radial)) ** 0.25)
-    return np.asarray(dense)
-
-
-def _size(stage: Stage) -> int:
-    """Bytes of an instant on the page."""
-    numbers = 3 * len(stage.links) + 4 * len(stage.bearings) + 2 * len(stage.joints)
-    numbers += 3 * len(stage.plays) + 3 * len(stage.skeleton.mounts)
-    return 16 + 4 * numbers + len(stage.bearings) + len(stage.plays)
+    return instants(record.piece, record.start, record.end, dense, 1, most, events)

@@ -16,12 +16,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.numerics.symbolic import Term, add
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Point
 from mechanism_sim.planar.protocols import ForceElement, moment_of
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
+from mechanism_sim.planar.unknowns import UnknownLoad, Unknowns
 from mechanism_sim.planar.virtual_work import located
 
 
@@ -31,56 +32,74 @@ class ShakingForce:
     Parameters
     ----------
     mechanism : its links
-    applied : external loads on links, or on the ground
+    applied : what acts on links, or on the ground, from outside of the machine
+    unknowns : u loads of that kind whose sizes follow from the motion
 
     Attributes
     ----------
-    outside : names of inputs beside the motion: ``time``, ``COORDINATE.turns``
-    flags : index of the flag in the rows, by the name of the switch
-    edges : finder of the onset and end of loads along a motion; None without any
+    outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
+    unknown : whether there are loads whose sizes must be known
+    flags : by the name of each switch where its flag is among the rows
+    edges : where along a motion a load begins or ceases to act; None if none does
     """
 
-    def __init__(self, mechanism: Mechanism, applied: Sequence[ForceElement] = ()) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        applied: Sequence[ForceElement] = (),
+        unknowns: Sequence[UnknownLoad] = (),
+    ) -> None:
+        self._mechanism, self._masses = mechanism, list(_masses(mechanism))
         frames = Frames(mechanism.coordinates, Parameters())
+        given = Unknowns(mechanism, frames, unknowns, {}, [])
+        acting = [load for element in applied for load in element.loads(frames)]
         parts: list[list[Term]] = []
-        for name, link, own, point, turning in _masses(mechanism):
-            place = frames.position(point, f'links:{name}.cog')
-            mass = frames.parameters(f'links:{name}.mass', own)
-            force = []
-            for axis, (jet, g) in enumerate(zip(place, mechanism.gravity, strict=True)):
-                moved = [mul(slope, frames.a[c]) for c, slope in jet.gradient.items()]
-                gravity = frames.parameters(f'gravity:{axis}', g)
-                force.append(mul(mass, add(gravity, neg(add(*moved, jet.curvature)))))
-            frame, spin = mechanism.frame(link)[0], None
-            if frame != GROUND and turning:
-                inertia = frames.parameters(f'links:{name}.inertia', turning)
-                spin = neg(mul(inertia, frames.a[frame]))
-            moment = moment_of((place[0].value, place[1].value), (force[0], force[1]))
-            parts.append([*force, add(moment, spin)])
-        for load in (load for element in applied for load in element.loads(frames)):
+        for load in (*acting, *given.acting):
             x, y = located(load, frames, mechanism)
             moment = add(moment_of((x.value, y.value), load.force), load.moment)
             parts.append([*load.force, moment])
-        self.outside = tuple(frames.outside)
+        self.outside, self.unknown = tuple(frames.outside), bool(unknowns)
         ends = np.cumsum([0, *(len(s.symbols) for s in frames.switches.values())])
         self.flags = dict(zip(frames.switches, ends.tolist(), strict=False))
         self.edges = Edges(frames) if frames.switches else None
-        motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
-        terms = [add(*column) for column in zip(*parts, strict=True)]
-        self._function = SwitchedFunction(frames, [terms], [*motion, *frames.outside.values()])
+        self._loads: SwitchedFunction | None = None
+        if parts:
+            terms = [add(*x) for x in zip(*parts, strict=True)]
+            known = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
+            self._loads = SwitchedFunction(frames, [terms], [*known, *given.sizes])
 
     def __call__(
-        self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
+        self,
+        motion: tuple[Array, Array, Array],
+        outside: Array,
+        rows: Array | None = None,
+        sizes: Array | None = None,
+        static: bool = False,
     ) -> Array:
         """Force x, y [N] and moment about the origin [N m], (3, N).
 
         Parameters
         ----------
-        q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
-        outside : (k, N) values of the inputs `outside`
-        rows : values of the switches; by default those at these positions
+        motion : (n, N) each: angles [rad] or displacements [m], rates, accelerations
+        outside : (k, N) what is named by `outside`
+        rows : values of the switches, if not those at these places
+        sizes : (u, N) of the unknown loads [N, N m]
+        static : whether to leave out what changes the momentum
         """
-        return self._function(np.concatenate([q, v, a, outside]), rows)[0]
+        q, v, a = motion
+        total = np.zeros((3, q.shape[1]))
+        if self._loads:
+            more = [sizes] if sizes is not None and self.unknown else []
+            total += self._loads(np.concatenate([q, v, outside, *more]), rows)[0]
+        tree = self._mechanism
+        for mass, point, inertia, row in self._masses:
+            (x, y), _, moved = tree.trace(point, q, v, a)
+            gained = np.zeros_like(moved) if static else moved
+            fx, fy = mass * (np.array(tree.gravity)[:, None] - gained)
+            total += fx, fy, x * fy - y * fx
+            if inertia and not static:
+                total[2] -= inertia * a[row]
+        return total
 
     def impulse(self, q: Array, step: Array, outside: Array) -> Array:
         """Impulse x, y [N s] and its moment about the origin [N m s], (3, N).
@@ -90,18 +109,20 @@ class ShakingForce:
         step : (n, N) steps of the velocities [rad/s, m/s]
         """
         rest = np.zeros_like(q)
-        return self(q, rest, step, outside) - self(q, rest, rest, outside)
+        return self((q, rest, step), outside) - self((q, rest, rest), outside)
 
 
-def _masses(mechanism: Mechanism) -> Iterator[tuple[str, str, float, Point, float]]:
-    """Names, links, masses [kg], points, and moments of inertia [kg m^2] that turn with links.
+def _masses(mechanism: Mechanism) -> Iterator[tuple[float, Point, float, int]]:
+    """Masses [kg], their points, moments of inertia [kg m^2], and the coordinates that turn these.
 
     A rigid link has one mass, others have many.
     """
     for body in mechanism.bodies:
-        own = body.extension
-        if not (own and own.scattered):
-            yield body.name, body.name, body.mass, mechanism.centre(body.name), body.inertia
-            continue
-        for k, (mass, point) in enumerate(mechanism.particles(body.name)):
-            yield f'{body.name}@{k}', body.name, mass, point, 0.0 if k else own.spin_of(body)
+        own, frame = body.extension, mechanism.frame(body.name)[0]
+        row = -1 if frame == GROUND else mechanism.coordinates.index(frame)
+        particles = [(body.mass, mechanism.centre(body.name))]
+        if own and own.scattered:
+            particles = mechanism.particles(body.name)
+        inertia = own.spin_of(body) if own and own.scattered else body.inertia
+        for k, (mass, point) in enumerate(particles):
+            yield mass, point, 0.0 if k or row < 0 else inertia, row

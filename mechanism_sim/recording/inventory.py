@@ -101,7 +101,15 @@ def scene_name(bag: Bag) -> str | None:
     The topic holds the name itself, or the scene as YAML or JSON with its `name`.
     """
     text = scene_text(bag)
-    return None if text is None else _name_in(text)
+    if text is None:
+        return None
+    try:
+        content = documents.parse(text)
+    except documents.DocumentError:
+        content = None
+    if isinstance(content, dict) and 'name' in content:
+        return str(content['name'])
+    return text.partition('\n')[0]
 
 
 def displacements(bag: Bag) -> frozenset[str] | None:
@@ -135,14 +143,21 @@ def render_info(bag: BagInfo) -> str:
     """Return the text that the command line shows."""
     # Others log by the wall clock.
     kind = 'simulated' if bag.library == 'mechanism_sim' else 'log time'
+    factor = bag.realtime_factor
+    pace = '' if factor is None else f'in {bag.wall_time:.3g} s, {factor:.3g} x real time'
+    # program that wrote it, and its version
+    if bag.version == '0':
+        author = bag.library or 'unknown'
+    else:
+        author = f'{bag.library} {bag.package}'.rstrip() + f', bag version {bag.version}'
     head = {
         'bag': f'{bag.path} ({bag.size / 1e6:.3g} MB, {bag.compression})',
         'scene': bag.scene or 'not recorded',
         kind: f'{bag.duration:.6g} s, from {instant(bag.start, 6)} s to {instant(bag.end, 6)} s',
-        'recorded': _pace(bag),
+        'recorded': pace,
         'messages': f'{bag.messages} on {len(bag.topics)} topics{_uncounted(bag)}',
         'complete': _state(bag),
-        'written by': _author(bag),
+        'written by': author,
     }
     lines = [f'{key + ":":<12}{value}' for key, value in head.items() if value]
     rows = [('topic', 'messages', 'type', 'delivery'), *map(_row, bag.topics)]
@@ -160,12 +175,6 @@ def _uncounted(bag: BagInfo) -> str:
     if not (ours and (clock := named.get('/clock'))):
         return ''
     return f'; run and analyze count {bag.messages - clock}: those of /clock may get lost'
-
-
-def _pace(bag: BagInfo) -> str:
-    """Describe the pace of the recording; empty if it is unknown."""
-    factor = bag.realtime_factor
-    return '' if factor is None else f'in {bag.wall_time:.3g} s, {factor:.3g} x real time'
 
 
 def _state(bag: BagInfo) -> str:
@@ -191,13 +200,6 @@ def _state(bag: BagInfo) -> str:
     )
 
 
-def _author(bag: BagInfo) -> str:
-    """Program that wrote it, and its version."""
-    if bag.version == '0':
-        return bag.library or 'unknown'
-    return f'{bag.library} {bag.package}'.rstrip() + f', bag version {bag.version}'
-
-
 def _row(topic: BagTopic) -> tuple[str, str, str, str]:
     qos = topic.qos
     if qos is None:
@@ -205,16 +207,6 @@ def _row(topic: BagTopic) -> tuple[str, str, str, str]:
     kept = 'keep_all' if qos.history == 'keep_all' else f'keep_last {qos.depth}'
     delivery = f'{qos.reliability}, {qos.durability}, {kept}'
     return topic.name, str(topic.count), topic.type, delivery
-
-
-def _name_in(text: str) -> str:
-    try:
-        content = documents.parse(text)
-    except documents.DocumentError:
-        content = None
-    if isinstance(content, dict) and 'name' in content:
-        return str(content['name'])
-    return text.partition('\n')[0]
 
 
 @dataclass(frozen=True)

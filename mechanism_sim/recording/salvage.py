@@ -9,7 +9,7 @@ from __future__ import annotations
 import mmap
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -161,7 +161,16 @@ class _RecordWalk:
                 break
         layout.readable = offset
         if not self._ended:
-            self._note_tail(offset)
+            # what can be read of the record that was cut
+            found, self.found.tail = self.found, self._size - offset
+            piece = self._data[offset : offset + LARGEST_CHUNK]
+            rest = rest_of(piece)
+            with suppress(DamagedBagError), sound(self._path, 'a chunk that was cut'):
+                note_records(found.layout, rest, self._times)
+                found.layout.rest = rest
+            if len(piece) >= RECORD.size and piece.strip(b'\0'):
+                opcode, length = RECORD.unpack_from(piece)
+                found.cut = 0 < opcode <= max(Opcode) and length <= LARGEST_CHUNK
         layout.start, layout.end = self._times or (0, 0)
 
     def compare(self, index: FileLayout) -> None:
@@ -206,10 +215,14 @@ class _RecordWalk:
             opcode, length = RECORD.unpack_from(self._data, offset)
         end = offset + RECORD.size + length
         whole = opcode != 0 and end <= self._size
-        if opcode == Opcode.CHUNK and (chunk := self._chunk(offset)):
-            self.misled |= chunk[0] != end
-            self._take(offset, *chunk)
-            return chunk[0]
+        if opcode == Opcode.CHUNK and (found := self._chunk(offset)):
+            behind, chunk, block = found
+            self.misled |= behind != end
+            layout = self.found.layout
+            layout.compression.add(chunk.compression)
+            note_records(layout, block, self._times)
+            self.found.places.append((offset, behind))
+            return behind
         if whole and opcode != Opcode.CHUNK and self._note(opcode, offset, end):
             return end
         if self._ended:
@@ -244,17 +257,26 @@ class _RecordWalk:
             return end, chunk, block
         return None
 
-    def _take(self, offset: int, end: int, chunk: Chunk, block: bytes) -> None:
-        layout = self.found.layout
-        layout.compression.add(chunk.compression)
-        note_records(layout, block, self._times)
-        self.found.places.append((offset, end))
-
     def _note(self, opcode: int, offset: int, end: int) -> bool:
         """Enter a record that is no chunk; returns True if its content fits its opcode."""
         body = self._data[offset + RECORD.size : end]
         if opcode in _PARSED:
-            return self._note_parsed(opcode, offset, body)
+            layout, stream, record = self.found.layout, BytesIO(body), None
+            with suppress(DamagedBagError), sound(self._path, f'the record at byte {offset}'):
+                record = _PARSED[opcode].read(ReadDataStream(stream))
+            if record is None or stream.tell() != len(body):
+                return False
+            if isinstance(record, Header):
+                layout.library, layout.profile = record.library, record.profile
+            elif isinstance(record, Schema):
+                layout.schemas.setdefault(record.id, record)
+            elif isinstance(record, Channel):
+                layout.channels.setdefault(record.id, record)
+            elif isinstance(record, Metadata):
+                layout.metadata[record.name] = record.metadata
+            else:
+                self.found.attachments.append(record)
+            return True
         if opcode == Opcode.MESSAGE:
             if len(body) < 22 or self._ended:
                 return False
@@ -269,24 +291,6 @@ class _RecordWalk:
             self.footed = opcode == Opcode.FOOTER and self._data[end : end + 8] == MAGIC
         else:
             return False
-        return True
-
-    def _note_parsed(self, opcode: int, offset: int, body: bytes) -> bool:
-        layout, stream, record = self.found.layout, BytesIO(body), None
-        with suppress(DamagedBagError), sound(self._path, f'the record at byte {offset}'):
-            record = _PARSED[opcode].read(ReadDataStream(stream))
-        if record is None or stream.tell() != len(body):
-            return False
-        if isinstance(record, Header):
-            layout.library, layout.profile = record.library, record.profile
-        elif isinstance(record, Schema):
-            layout.schemas.setdefault(record.id, record)
-        elif isinstance(record, Channel):
-            layout.channels.setdefault(record.id, record)
-        elif isinstance(record, Metadata):
-            layout.metadata[record.name] = record.metadata
-        else:
-            self.found.attachments.append(record)
         return True
 
     def _search(self, start: int, stop: int) -> int | None:
@@ -306,31 +310,15 @@ class _RecordWalk:
         start, end = struct.unpack_from('<QQ', self._data, offset + RECORD.size)
         return (start, end) if start <= end < _YEAR_2200 else None
 
-    def _note_tail(self, offset: int) -> None:
-        """Take what can be read of the record that was cut."""
-        found, self.found.tail = self.found, self._size - offset
-        piece = self._data[offset : offset + LARGEST_CHUNK]
-        rest = rest_of(piece)
-        with suppress(DamagedBagError), sound(self._path, 'a chunk that was cut'):
-            note_records(found.layout, rest, self._times)
-            found.layout.rest = rest
-        if len(piece) >= RECORD.size and piece.strip(b'\0'):
-            opcode, length = RECORD.unpack_from(piece)
-            found.cut = 0 < opcode <= max(Opcode) and length <= LARGEST_CHUNK
-
 
 def _pieces(record: bytes) -> Iterator[bytes]:
     """Records of a chunk of zstd, as far as it can be decompressed."""
     start = _NAME_LENGTH + 4 + 4 + 8
-    held, read = b'', _reader()
+    held, read = b'', ZstdDecompressor().decompressobj().decompress
     with suppress(ZstdError):
         for k in range(start, len(record), _STEP):
             held += read(record[k : k + _STEP])
     yield from (held[start - RECORD.size : stop] for _, start, stop in whole_records(held))
-
-
-def _reader() -> Callable[[bytes], bytes]:
-    return ZstdDecompressor().decompressobj().decompress
 
 
 def _known(schema: Schema) -> bool:

@@ -312,22 +312,18 @@ def _note(
 def note_records(layout: FileLayout, block: bytes, times: list[int]) -> None:
     """Note what a run of records holds, and the first and the last of the `times` so far."""
     held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
-    _register(layout, block)
-    if held:
-        layout.counts.update(channel for channel, _ in held)
-        ends = [log_time for _, log_time in held]
-        times[:] = [min(times[:1] + ends), max(times[1:] + ends)]
-
-
-def _register(layout: FileLayout, block: bytes) -> None:
-    """Note the schemas and channels that a run of records introduces."""
+    # schemas and channels that it introduces
     for opcode, start, stop in whole_records(block):
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(ReadDataStream(BytesIO(block[start:stop])))
             layout.schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(ReadDataStream(BytesIO(block[start:stop])))
-            layout.channels[channel.id] = channel
+            introduced = Channel.read(ReadDataStream(BytesIO(block[start:stop])))
+            layout.channels[introduced.id] = introduced
+    if held:
+        layout.counts.update(channel for channel, _ in held)
+        ends = [log_time for _, log_time in held]
+        times[:] = [min(times[:1] + ends), max(times[1:] + ends)]
 
 
 @contextmanager
@@ -448,8 +444,9 @@ def _part(path: Path) -> BagFile:
         path = target
     if path.suffix == '.db3':
         return BagFile(path, _survey_rows(path), holder)
-    with _cure_named(path, holder):
-        return BagFile(path, _survey(path), holder)
+    with _cure_named(path, holder), opened(path) as stream:
+        layout = from_index(path, stream) or _from_records(path, stream)
+        return BagFile(path, layout, holder)
 
 
 @contextmanager

@@ -403,11 +403,22 @@ class McapFile:
         self._write(_record(DataEnd(self._crc)))
         start = self._offset
         groups: Any = RecordBuilder()  # without annotations
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=dict(self._counts),
+            chunk_count=len(self._chunks),
+            message_count=self._counts.total(),
+            metadata_count=len(self._metadata),
+            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
+            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            schema_count=len(self._schemas),
+        )
         offsets = []
         for opcode, records in (
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.STATISTICS, [statistics]),
             (Opcode.CHUNK_INDEX, self._chunks),
             (Opcode.METADATA_INDEX, self._metadata),
         ):
@@ -469,19 +480,6 @@ class McapFile:
             )
         )
         self._begin_chunk()
-
-    def _statistics(self) -> Statistics:
-        return Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=dict(self._counts),
-            chunk_count=len(self._chunks),
-            message_count=self._counts.total(),
-            metadata_count=len(self._metadata),
-            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
-            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
-            schema_count=len(self._schemas),
-        )
 
     def _write(self, data: bytes) -> None:
         self._crc = zlib.crc32(data, self._crc)

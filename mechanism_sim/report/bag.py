@@ -10,14 +10,12 @@ from typing import Any
 
 from mechanism_sim.analysis.collectors import (
     FieldRange,
-    JointModes,
-    MessageAccounts,
     SensorSummary,
 )
-from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
-from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary, PublishedRange
+from mechanism_sim.analysis.details import Details, ImpactDetails
+from mechanism_sim.analysis.published import PARTS, PartSummary, PublishedRange
 from mechanism_sim.analysis.roses import WearMap
-from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
+from mechanism_sim.analysis.summary import ImpactSummary, Summary
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
@@ -45,18 +43,17 @@ def render(summary: Summary) -> str:
 
 def channel_figures(channels: Mapping[str, ChannelSamples]) -> dict[str, dict[str, Any]]:
     """Figures of the channels of a file of signals, by name, in their units."""
-    return {name: _figures_of(channel) for name, channel in channels.items()}
-
-
-def _figures_of(c: ChannelSamples) -> dict[str, Any]:
-    found = indicators(c.values)
-    return {
-        'unit': c.unit, 'samples': found.samples, 'rate': c.rate, 'rate_error': c.rate_error,
-        'start': float(c.times[0]), 'end': float(c.times[-1]),
-        'smallest': float(c.values.min()), 'largest': float(c.values.max()), 'mean': found.mean,
-        'rms': found.rms, 'peak': found.peak, 'crest': found.crest, 'kurtosis': found.kurtosis,
-        'velocity_rms': _severity(c),
-    }  # fmt: skip
+    figures = {}
+    for name, c in channels.items():
+        found = indicators(c.values)
+        figures[name] = {
+            'unit': c.unit, 'samples': found.samples, 'rate': c.rate, 'rate_error': c.rate_error,
+            'start': float(c.times[0]), 'end': float(c.times[-1]),
+            'smallest': float(c.values.min()), 'largest': float(c.values.max()),
+            'mean': found.mean, 'rms': found.rms, 'peak': found.peak, 'crest': found.crest,
+            'kurtosis': found.kurtosis, 'velocity_rms': _severity(c),
+        }  # fmt: skip
+    return figures
 
 
 def _severity(c: ChannelSamples) -> float | None:
@@ -103,17 +100,40 @@ def sections(s: Summary) -> Iterator[Section]:
     if s.impacts is not None:
         yield from _impacts(drive, s.impacts)
     if s.modes is not None:
-        yield _modes(s.modes)
+        names = sorted({mode for joint in s.modes for mode in joint.share})
+        rows = [
+            [j.joint, str(j.changes), *(f'{100 * j.share.get(mode, 0.0):.4g} %' for mode in names)]
+            for j in s.modes
+        ]
+        yield Section('modes: share of time', table=[('joint', 'changes', *names), *rows])
     if s.loads is not None:
-        yield _loads(drive, s.loads)
+        published = '' if s.loads.samples is None else f', of {s.loads.samples} published instants'
+        yield Section(f'loads between impacts{published}', table=load_rows(drive, s.loads))
     if s.energy is not None:
-        yield _energy(s.energy)
+        e = s.energy
+        share = e.largest_residual / e.exchanged if e.exchanged else 0.0
+        balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual_at_end, e.exchanged
+        note = (
+            f'among {e.samples} published instants at most {e.largest_residual:.3g} J are missing '
+            f'({share:.1g} of what was exchanged), at {instant(e.largest_residual_time)} s'
+        )
+        title = f'energy from {instant(e.start)} s to {instant(e.end)} s'
+        yield Section(title, [*energy_rows(*balance)], notes=[note])
     for topic, parts in s.parts.items():
         yield from _parts(PARTS[topic].title, parts)
     if s.vibration is not None:
         yield _vibration(s.vibration)
     if s.ledger is not None:
-        yield _ledger(s.ledger)
+        total = sum(account.sent for account in s.ledger.topics)
+        table: list[Sequence[Cell]] = []
+        heading = f'messages: all {total} that were sent are recorded'
+        if s.ledger.lost:
+            heading = f'messages: {s.ledger.lost} of {total} are LOST'
+            lost = [(a.topic, a.sent, a.recorded, a.lost) for a in s.ledger.topics if a.lost]
+            table = [('topic', 'sent', 'recorded', 'lost'), *lost]
+        nodes = ', '.join(s.ledger.unfinished)
+        unknown = [f'{nodes} did not finish: more may have been sent'] if nodes else []
+        yield Section(heading, table=table, notes=unknown)
     if s.fields:
         yield _fields(s.fields, s.start, s.end)
     if s.absent:
@@ -190,31 +210,6 @@ def _without_middle(rows: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
     return [*rows[: _ROWS // 2], ['...'] + [''] * (len(rows[0]) - 1), *rows[-_ROWS // 2 :]]
 
 
-def _modes(joints: tuple[JointModes, ...]) -> Section:
-    names = sorted({mode for joint in joints for mode in joint.share})
-    rows = [
-        [j.joint, str(j.changes), *(f'{100 * j.share.get(mode, 0.0):.4g} %' for mode in names)]
-        for j in joints
-    ]
-    return Section('modes: share of time', table=[('joint', 'changes', *names), *rows])
-
-
-def _loads(drive: str, loads: LoadSummary) -> Section:
-    published = '' if loads.samples is None else f', of {loads.samples} published instants'
-    return Section(f'loads between impacts{published}', table=load_rows(drive, loads))
-
-
-def _energy(e: EnergySummary) -> Section:
-    share = e.largest_residual / e.exchanged if e.exchanged else 0.0
-    balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual_at_end, e.exchanged
-    note = (
-        f'among {e.samples} published instants at most {e.largest_residual:.3g} J are missing '
-        f'({share:.1g} of what was exchanged), at {instant(e.largest_residual_time)} s'
-    )
-    title = f'energy from {instant(e.start)} s to {instant(e.end)} s'
-    return Section(title, [*energy_rows(*balance)], notes=[note])
-
-
 def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[Section]:
     published = f': ranges of {sum(p.samples for p in parts)} published instants'
     yield Section(f'{title}, in SI units{"" if all(p.of_motion for p in parts) else published}')
@@ -262,19 +257,6 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
     return Section('vibration', table=[head, *rows], notes=notes)
 
 
-def _ledger(ledger: MessageAccounts) -> Section:
-    total = sum(account.sent for account in ledger.topics)
-    table: list[Sequence[Cell]] = []
-    title = f'messages: all {total} that were sent are recorded'
-    if ledger.lost:
-        title = f'messages: {ledger.lost} of {total} are LOST'
-        lost = [(a.topic, a.sent, a.recorded, a.lost) for a in ledger.topics if a.lost]
-        table = [('topic', 'sent', 'recorded', 'lost'), *lost]
-    names = ', '.join(ledger.unfinished)
-    notes = [f'{names} did not finish: more may have been sent'] if names else []
-    return Section(title, table=table, notes=notes)
-
-
 def _at_angle(drive: str, angle: float | None) -> str:
     """The angle of the driven coordinate, by its name: it need not be that of a crank."""
     return '' if angle is None else f', {drive} at {math.degrees(angle):.4g} deg'
@@ -283,58 +265,63 @@ def _at_angle(drive: str, angle: float | None) -> str:
 def _detail_sections(details: Details) -> Iterator[Section]:
     """All requested results."""
     drive = details.drive
-    yield from (_spectrum(name, line) for name, line in details.spectra.items())
+    for name, line in details.spectra.items():
+        s = line.spectrum
+        whole = float(s.values.sum())
+        rows = [(f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES)]
+        rms = f'{math.sqrt(whole * s.step):.6g} {line.signal_unit}'.rstrip()
+        title = (
+            f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
+            f'Hz, RMS {rms} of all lines'
+        )
+        head = 'peak at [Hz]', line.unit, 'share of all lines'
+        yield Section(
+            title, table=[head, *rows], notes=['RMS and shares are those about the mean']
+        )
     for name, line in details.orders.items():
         title = f'orders of {name}, in cycles a turn of the {drive}'
         yield Section(title, table=[('order', line.unit), *line.spectrum.strongest(_LINES)])
-    yield from (_envelope(name, line) for name, line in details.envelopes.items())
-    yield from (_average(name, a, drive) for name, a in details.averages.items())
-    for name, struck in details.impacts.items():
-        yield from _struck(name, struck, drive)
+    for name, line in details.envelopes.items():
+        low, high = line.band or (0.0, 0.0)
+        title = f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
+        peaks, share = line.spectrum.strongest(_LINES), line.share or 0.0
+        little = (
+            f'the band holds {100.0 * share:.2g} % of the power of the signal: --band gives '
+            'another'
+        )
+        notes = [little] * (share < _LITTLE)
+        yield Section(title, table=[('peak at [Hz]', line.unit), *peaks], notes=notes)
+    for name, average in details.averages.items():
+        turns, n = average.turns, average.turns.values.shape[1]
+        mean, spread = turns.mean, turns.spread
+        means = [
+            (f'{math.degrees(turns.angle[k]):.4g}', mean[k], spread[k])
+            for k in range(0, n, max(1, n // _ORDERS))
+        ]
+        title = f'{name} over the angle of the {drive}: {turns.text} of {n // turns.turns} angles'
+        columns = f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'
+        yield Section(title, table=[columns, *means])
+    for name, hits in details.impacts.items():
+        yield from _impact_details(name, hits, drive)
     for name, (bushing, pin) in details.wear.items():
         yield from (_map(f'bushing of {name}', bushing), _map(f'pin of {name}', pin))
     for name, beside in details.deviations.items():
-        yield from _beside(name, beside)
+        d, a = beside.deviation, beside.alpha
+        ideal = float((d.ideal.values**2).mean()) ** 0.5
+        yield Section(
+            f'{name} beside the ideal machine: deviation {d.rms:.6g} {beside.unit} RMS, the ideal '
+            f'{ideal:.6g}'
+        )
+        if a is not None:
+            orders = zip(map(str, a.order[:_ORDERS]), a.by_order[:_ORDERS].tolist(), strict=True)
+            yield Section(
+                f'alpha over {beside.against}: {a.rms:.6g} by RMS, {a.spectrum:.6g} by spectrum',
+                table=[('order', 'alpha'), *orders],
+            )
 
 
-def _spectrum(name: str, line: SignalSpectrum) -> Section:
-    s = line.spectrum
-    whole = float(s.values.sum())
-    rows = [(f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES)]
-    rms = f'{math.sqrt(whole * s.step):.6g} {line.signal_unit}'.rstrip()
-    title = (
-        f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
-        f'Hz, RMS {rms} of all lines'
-    )
-    head = 'peak at [Hz]', line.unit, 'share of all lines'
-    return Section(title, table=[head, *rows], notes=['RMS and shares are those about the mean'])
-
-
-def _envelope(name: str, line: SignalSpectrum) -> Section:
-    low, high = line.band or (0.0, 0.0)
-    title = f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
-    rows, share = line.spectrum.strongest(_LINES), line.share or 0.0
-    little = (
-        f'the band holds {100.0 * share:.2g} % of the power of the signal: --band gives another'
-    )
-    notes = [little] * (share < _LITTLE)
-    return Section(title, table=[('peak at [Hz]', line.unit), *rows], notes=notes)
-
-
-def _average(name: str, average: Average, drive: str) -> Section:
-    turns, n = average.turns, average.turns.values.shape[1]
-    mean, spread = turns.mean, turns.spread
-    rows = [
-        (f'{math.degrees(turns.angle[k]):.4g}', mean[k], spread[k])
-        for k in range(0, n, max(1, n // _ORDERS))
-    ]
-    title = f'{name} over the angle of the {drive}: {turns.text} of {n // turns.turns} angles'
-    head = f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'
-    return Section(title, table=[head, *rows])
-
-
-def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
-    rose, cycles = struck.rose, struck.cycles
+def _impact_details(name: str, hits: ImpactDetails, drive: str) -> Iterator[Section]:
+    rose, cycles = hits.rose, hits.cycles
     angles = rose.crank_angle, rose.on_pin, rose.on_bushing
     largest: list[Sequence[Cell]] = [
         (str(i), float(rose.normal_impulse[k]), float(rose.time[k]),
@@ -374,18 +361,3 @@ def _map(part: str, wear: WearMap) -> Section:
         for k in sorted(hardest)
     ]  # fmt: skip
     return Section(title, table=[('direction [deg]', 'N m', 'J', 'impacts [N s]'), *rows])
-
-
-def _beside(name: str, beside: Beside) -> Iterator[Section]:
-    d, a = beside.deviation, beside.alpha
-    ideal = float((d.ideal.values**2).mean()) ** 0.5
-    yield Section(
-        f'{name} beside the ideal machine: deviation {d.rms:.6g} {beside.unit} RMS, the ideal '
-        f'{ideal:.6g}'
-    )
-    if a is not None:
-        orders = zip(map(str, a.order[:_ORDERS]), a.by_order[:_ORDERS].tolist(), strict=True)
-        yield Section(
-            f'alpha over {beside.against}: {a.rms:.6g} by RMS, {a.spectrum:.6g} by spectrum',
-            table=[('order', 'alpha'), *orders],
-        )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.details import Average, Beside, Details, Struck
+from mechanism_sim.analysis.details import Average, Beside, Details, ImpactDetails
 from mechanism_sim.analysis.roses import Rose, WearMap
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import GROUND
@@ -41,10 +41,10 @@ def _named(details: Details) -> Iterator[tuple[str, Chart]]:
         yield f'{name}_envelope', envelope(name, line, rate)
     for name, average in details.averages.items():
         yield f'{name}_average', _average(name, average, drive)
-    for name, struck in details.impacts.items():
-        yield f'{name}_impacts', rose_picture(name, struck.rose)
-        if struck.cycles is not None:
-            yield f'{name}_cycles', _cycles(name, struck, drive)
+    for name, hits in details.impacts.items():
+        yield f'{name}_impacts', rose_picture(name, hits.rose)
+        if hits.cycles is not None:
+            yield f'{name}_cycles', _cycles(name, hits, drive)
     for name, maps in details.wear.items():
         yield f'{name}_wear', _wear(name, *maps)
     for name, beside in details.deviations.items():
@@ -71,9 +71,9 @@ def rose_picture(name: str, rose: Rose) -> Chart:
     return joined(f'impacts in {name}', short, 2)
 
 
-def _cycles(name: str, struck: Struck, drive: str) -> Chart:
+def _cycles(name: str, hits: ImpactDetails, drive: str) -> Chart:
     """[SB] 8.12 and 7.10: the dominant impacts by angle of the drive, and sums turn by turn."""
-    rose, cycles = struck.rose, struck.cycles
+    rose, cycles = hits.rose, hits.cycles
     assert cycles is not None  # noqa: S101 - asked before
     angle, impulse = np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse
     curves = [

@@ -164,48 +164,44 @@ class _Derivation:
         for i, gap in enumerate(self._equations.gaps):
             gap.value(self._vectors.frames)
             self._vectors.use_seen()
-            self._gap(i, gap, lines)
+            joint, make = gap.name, self._symbols.make
+            # the engine's jets, not equal ones: heyoka is slow to find that they are equal
+            jet = self._equations.gap_jets[i]
+            g = make('g', (joint,), joint, f'gap of {joint}, zero when closed', 'm')
+            lines[0].append(Equation(joint, (g,), self._terms(jet.value)))
+            short = {jet.value: g}
+            if self._rates or gap.law:
+                names = ('gdot', 'rate', 'm/s'), ('gddot', 'second derivative', 'm/s^2')
+                derivatives = zip(lines[1:], self._derivatives(jet), names, strict=True)
+                for line, terms, (stem, what, unit) in derivatives:
+                    left = make(stem, (joint,), joint, f'{what} of g_{joint}', unit)
+                    line.append(Equation(joint, (left,), terms))
+                short[jet.rate] = lines[1][-1].left[0]
+            forces = [make('N', (joint,), joint, f'normal force in {joint}', 'N')]
+            self._push(jet, forces[0])
+            if gap.friction and self._system:
+                slip = self._system.dynamics.contacts.tangent[i]
+                u = make('u', (joint,), joint, f'tangential velocity in {joint}', 'm/s')
+                lines[0].append(Equation(joint, (u,), self._terms(slip.rate)))
+                short[slip.rate] = u
+                meaning = f'friction on the first link of {joint}, along its slip'
+                forces.append(make('T', (joint,), joint, meaning, 'N'))
+                self._push(slip, forces[1])
+            if gap.law and self._system:
+                dynamics = self._system.dynamics
+                known = {term: hy.make_vars(str(symbol)) for term, symbol in short.items()}
+                known |= dict.fromkeys(
+                    (dynamics.flags.closed[i], dynamics.flags.presses[i]), hy.expression(1.0)
+                )
+                laws = [dense(dynamics.exact.N[i]), dense(dynamics.exact.T[i])]
+                laws = hy.subs(hy.subs(laws, dynamics.depths), known)
+                for force, law in zip(forces, laws, strict=False):
+                    self._forces.append(Equation(joint, (force,), (self._in_symbols(law),)))
         if not self._rates:
             lines[2].clear()
         values, first, second = map(tuple, lines)
         notes = tuple(map(_condition, self._equations.gaps))
         return EquationGroup('gaps', 'Gaps', values, notes), first, second
-
-    def _gap(self, i: int, gap: Gap, lines: tuple[list[Equation], ...]) -> None:
-        """The i-th gap: its value with its slip, its derivatives, its forces."""
-        joint, make = gap.name, self._symbols.make
-        # the engine's jets, not equal ones: heyoka is slow to find that they are equal
-        jet = self._equations.gap_jets[i]
-        g = make('g', (joint,), joint, f'gap of {joint}, zero when closed', 'm')
-        lines[0].append(Equation(joint, (g,), self._terms(jet.value)))
-        short = {jet.value: g}
-        if self._rates or gap.law:
-            names = ('gdot', 'rate', 'm/s'), ('gddot', 'second derivative', 'm/s^2')
-            derivatives = zip(lines[1:], self._derivatives(jet), names, strict=True)
-            for line, terms, (stem, what, unit) in derivatives:
-                left = make(stem, (joint,), joint, f'{what} of g_{joint}', unit)
-                line.append(Equation(joint, (left,), terms))
-            short[jet.rate] = lines[1][-1].left[0]
-        forces = [make('N', (joint,), joint, f'normal force in {joint}', 'N')]
-        self._push(jet, forces[0])
-        if gap.friction and self._system:
-            slip = self._system.dynamics.contacts.tangent[i]
-            u = make('u', (joint,), joint, f'tangential velocity in {joint}', 'm/s')
-            lines[0].append(Equation(joint, (u,), self._terms(slip.rate)))
-            short[slip.rate] = u
-            meaning = f'friction on the first link of {joint}, along its slip'
-            forces.append(make('T', (joint,), joint, meaning, 'N'))
-            self._push(slip, forces[1])
-        if gap.law and self._system:
-            dynamics = self._system.dynamics
-            known = {term: hy.make_vars(str(symbol)) for term, symbol in short.items()}
-            known |= dict.fromkeys(
-                (dynamics.flags.closed[i], dynamics.flags.presses[i]), hy.expression(1.0)
-            )
-            laws = [dense(dynamics.exact.N[i]), dense(dynamics.exact.T[i])]
-            laws = hy.subs(hy.subs(laws, dynamics.depths), known)
-            for force, law in zip(forces, laws, strict=False):
-                self._forces.append(Equation(joint, (force,), (self._in_symbols(law),)))
 
     def _load(self) -> None:
         """Generalised forces of what needs no gap, and where it acts in the cycle."""

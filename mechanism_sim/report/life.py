@@ -25,20 +25,18 @@ def render(found: Life) -> str:
         head += [f'clearance of {joint} [mm]', '+-', 'bushing [um]', 'pin [um]', 'impacts a cycle']
     named = [name for name in found.units if name not in head]
     head += [f'{name} [{found.units[name]}]' if found.units[name] else name for name in named]
-    rows = [[_row(found, stage, named)] for stage in found.stages]
-    return text([Section(table=[tuple(head), *(row[0] for row in rows)], notes=[_said(found)])])
-
-
-def _row(found: Life, stage: LifeStage, named: list[str]) -> tuple[str, ...]:
-    cells = [f'{stage.cycles:.4g}']
-    for k, joint in enumerate(found.joints):
-        doubt = stage.error[k] + stage.scatter[k]
-        deepest = 1e6 * stage.depths[joint].max(axis=1) + 0.0  # -0 is 0
-        cells += [
-            f'{1e3 * stage.clearance[k]:.5g}', f'{1e3 * doubt:.1g}', f'{deepest[0]:.4g}',
-            f'{deepest[1]:.4g}', f'{stage.impacts[k]:.4g}',
-        ]  # fmt: skip
-    return (*cells, *(f'{stage.figures[name] + 0.0:.4g}' for name in named))
+    table: list[tuple[str, ...]] = [tuple(head)]
+    for stage in found.stages:
+        cells = [f'{stage.cycles:.4g}']
+        for k, joint in enumerate(found.joints):
+            doubt = stage.error[k] + stage.scatter[k]
+            deepest = 1e6 * stage.depths[joint].max(axis=1) + 0.0  # -0 is 0
+            cells += [
+                f'{1e3 * stage.clearance[k]:.5g}', f'{1e3 * doubt:.1g}', f'{deepest[0]:.4g}',
+                f'{deepest[1]:.4g}', f'{stage.impacts[k]:.4g}',
+            ]  # fmt: skip
+        table.append((*cells, *(f'{stage.figures[name] + 0.0:.4g}' for name in named)))
+    return text([Section(table=table, notes=[_said(found)])])
 
 
 def _said(found: Life) -> str:

@@ -19,7 +19,7 @@ from mechanism_sim.report.figures import paint
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.run import Piece
+from mechanism_sim.results.run import Piece, part_of
 
 _MOST = 100  # lines that axes and legend have room for
 
@@ -58,19 +58,14 @@ def plot(
     if isinstance(run, Cycle):
         first, last = run.t[0], run.t[-1]
         against = against or ('angle' if run.repeats else 'time')
-    begin, finish = (first if start is None else start), (last if end is None else end)
-    if not first <= begin < finish <= last * (1.0 + 1e-12):
-        raise InputError(
-            f'from {begin:g} s to {finish:g} s is not within the run, which goes from {first:g} '
-            f's to {last:g} s'
-        )
+    begin, finish = part_of(float(first), float(last), start, end)
     abscissa = over(run, against or 'time')
-    series = drawn(run, [*flat(names)] or [*_usual(piece)], float(begin), min(finish, last))
+    series = drawn(run, [*flat(names)] or [*_usual(piece)], begin, finish)
     if not names:
         series = [_in_turn(s) for s in series]
-    struck = [i.t for i in piece.impacts if begin <= i.t <= finish]
+    impact_times = [i.t for i in piece.impacts if begin <= i.t <= finish]
     own = numbers(run.machine.mechanism)
-    return draw(chart(series, run.machine.scene.title, abscissa, own, struck))
+    return draw(chart(series, run.machine.scene.title, abscissa, own, impact_times))
 
 
 def plot_recorded(

@@ -70,7 +70,7 @@ def paint(chart: Chart) -> Picture:
     for axes, panel in zip(figure.axes, chart.panels, strict=True):
         # ends of the axes, once all is drawn that has the same scale
         for name, axis in (('x', panel.x), ('y', panel.y)):
-            if (axis.low, axis.high) != (None, None):
+            if axis.low != axis.high:  # neither is given, or they are of one instant
                 getattr(axes, f'set_{name}lim')(axis.low, axis.high)
     named = [bool(p.y.names) for p in chart.panels]
     figure.align_ylabels([a for a, n in zip(figure.axes, named, strict=True) if not n])
@@ -181,10 +181,10 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
         how = axes.get_yaxis_transform() if mark.level else axes.get_xaxis_transform()
         axes.annotate(mark.text, at, (0, 2), how, 'offset points', fontsize=7.0, color=GROUND,
                       ha='right' if mark.level else 'center')  # fmt: skip
-    if len(panel.struck):
+    if len(panel.impact_times):
         style: dict[str, Any] = {'color': IMPACT, 'ms': 5.0, 'mew': 0.7, 'ls': '', 'zorder': 5.0}
         axes.plot(
-            panel.struck, np.full(len(panel.struck), 0.97), '|', gid=f'{key}-struck',
+            panel.impact_times, np.full(len(panel.impact_times), 0.97), '|', gid=f'{key}-struck',
             transform=axes.get_xaxis_transform(), label='impact', **style,
         )  # fmt: skip
         artists['impact'] = Line2D([], [], marker='|', **style)

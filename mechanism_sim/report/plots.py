@@ -18,7 +18,12 @@ from mechanism_sim.results.quantities.motion import RATES
 def charts(cycle: Cycle) -> Iterator[Chart]:
     """The charts of a cycle."""
     physics = cycle.machine.physics
-    yield _motion(cycle)
+    names, known = cycle.machine.physics.coordinates, catalogue(cycle.machine)
+    units = len({known[f'position.{name}'].unit for name in names})
+    rows = [_panels(cycle, [f'{kind}.{name}' for name in names]) for kind in RATES]
+    if len(rows[0]) != units:  # of many coordinates each has a row
+        rows, units = list(zip(*rows, strict=True)), len(RATES)
+    yield _chart(cycle, 'motion', list(chain(*rows)), units)
     found = [
         replace(panel, title=name, height=2.3)
         for name in physics.coordinates
@@ -57,16 +62,6 @@ def _chart(cycle: Cycle, key: str, found: list[Panel], beside: int = 0) -> Chart
     kind: Over = 'angle' if cycle.repeats else 'time'
     title = cycle.machine.scene.title
     return Chart(key, title, tuple(found), kind, columns=beside, width=(8.0, 11.0)[beside > 1])
-
-
-def _motion(cycle: Cycle) -> Chart:
-    names, known = cycle.machine.physics.coordinates, catalogue(cycle.machine)
-    units = len({known[f'position.{name}'].unit for name in names})
-    rows = [_panels(cycle, [f'{kind}.{name}' for name in names]) for kind in RATES]
-    if len(rows[0]) == units:
-        return _chart(cycle, 'motion', list(chain(*rows)), units)
-    # of many coordinates each has a row
-    return _chart(cycle, 'motion', list(chain(*zip(*rows, strict=True))), len(RATES))
 
 
 def _hodographs(cycle: Cycle) -> Chart:

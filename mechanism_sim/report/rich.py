@@ -32,26 +32,25 @@ def html(shown: Any) -> str:
     if isinstance(shown, Record):
         return _page(repr(shown), _plot(shown.piece), Section(rows=facts(shown)))
     if isinstance(shown, Machine):
-        return _page(f'{shown.name}: {shown.scene.title}', _drawing(shown), _machine(shown))
+        known = [
+            SummaryRow('level', shown.level.value),
+            SummaryRow('coordinates', ', '.join(shown.physics.coordinates)),
+            SummaryRow('joints', ', '.join(shown.physics.joints)),
+        ]
+        if shown.plan.clearances:
+            known.append(SummaryRow('with clearance', ', '.join(shown.plan.clearances)))
+        if shown.touching:
+            known.append(SummaryRow('with stops or contacts', ', '.join(shown.touching)))
+        return _page(
+            f'{shown.name}: {shown.scene.title}',
+            _drawing(shown),
+            Section(rows=known, notes=check(shown).notes),
+        )
     return f'<pre>{escape(repr(shown))}</pre>'
 
 
 def _page(title: str, picture: str, *summary: Section) -> str:
     return f'<div><b>{escape(title.strip("<>"))}</b><br>{picture}{sections.html(summary)}</div>'
-
-
-def _machine(machine: Machine) -> Section:
-    """Level, links and joints of a machine, and what `check` remarks."""
-    rows = [
-        SummaryRow('level', machine.level.value),
-        SummaryRow('coordinates', ', '.join(machine.physics.coordinates)),
-        SummaryRow('joints', ', '.join(machine.physics.joints)),
-    ]
-    if machine.plan.clearances:
-        rows.append(SummaryRow('with clearance', ', '.join(machine.plan.clearances)))
-    if machine.touching:
-        rows.append(SummaryRow('with stops or contacts', ', '.join(machine.touching)))
-    return Section(rows=rows, notes=check(machine).notes)
 
 
 def _drawing(machine: Machine) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from mechanism_sim import output, tables
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.numerics.polynomials import first_due
 from mechanism_sim.results.run import Piece
 
 
@@ -46,7 +47,10 @@ class SampleWriter:
         incomplete: RunError | None = RunError('it is not complete')
         try:
             if kind is None:
-                self._write_last()
+                if self._piece:
+                    end = self._piece.motion.curve.end
+                    last = int(np.floor(end * self._rate * (1.0 + 1e-12)))
+                    self._write(self._piece, np.minimum(self._times(last + 1), end))
                 incomplete = None
         finally:
             # what ended the run is no error of the file
@@ -58,18 +62,10 @@ class SampleWriter:
             return
         begin = float(piece.motion.curve.start[0])
         if self._piece:
-            times = self._times(int(np.ceil(begin * self._rate)) + 1)
-            self._write(self._piece, times[times < begin])
+            self._write(self._piece, self._times(first_due(begin, self._rate)))
         else:
-            self._count = int(np.ceil(begin * self._rate))
+            self._count = first_due(begin, self._rate)
         self._piece = piece
-
-    def _write_last(self) -> None:
-        """Write the last piece up to its end."""
-        if self._piece:
-            end = self._piece.motion.curve.end
-            last = int(np.floor(end * self._rate * (1.0 + 1e-12)))
-            self._write(self._piece, np.minimum(self._times(last + 1), end))
 
     def _times(self, before: int) -> Array:
         return np.arange(self._count, before) / self._rate

@@ -348,22 +348,16 @@ class _Bushing(Lens):
         self._force = -frames.forces[:, k].T if known else np.zeros((2, len(t)))
         self._largest = float(np.nanmax(np.hypot(*self._force), initial=0.0)) or 1.0
         own = gaps_of(machine.mechanism, joint, machine.physics.clearances)
-        self._struck = np.array([i.t for i in record.piece.impacts if i.joint in own])
+        self._impact_times = np.array([i.t for i in record.piece.impacts if i.joint in own])
         many = _POINTS * len(t)
         self._times = instants(record.piece, float(t[0]), float(t[-1]), 0.0, many, many)
-        self._path = self._separation(record, self._times)
-        self._pin = self.metre * frames.pins[:, bearing].T
-        self._paint(axes, stage)
-
-    def _separation(self, record: Record, t: Array) -> Array:
-        """Vector from the bushing's centre to the pin's (2, N), in radii of the bushing."""
-        j, mechanism = self._joint, record.machine.mechanism
+        # from the bushing's centre to the pin's (2, N), in radii of the bushing
+        pair, mechanism = self._joint, record.machine.mechanism
         curve = record.piece.motion.curve
-        q = curve.local(*curve.find(t)).T
-        bushing = mechanism.locate_all(j.second, q, j.on_second)
-        return self.metre * (mechanism.locate_all(j.first, q, j.on_first) - bushing)
-
-    def _paint(self, axes: Any, stage: Stage) -> None:
+        q = curve.local(*curve.find(self._times)).T
+        bushing = mechanism.locate_all(pair.second, q, pair.on_second)
+        self._path = self.metre * (mechanism.locate_all(pair.first, q, pair.on_first) - bushing)
+        self._pin = self.metre * frames.pins[:, bearing].T
         links = stage.links
         pin, self._fill = (
             tint(colour(links.index(x) if x in links else -1))
@@ -397,7 +391,9 @@ class _Bushing(Lens):
         self._arrow.set_offsets(pin)
         self._arrow.set_UVC(arrow[:1], arrow[1:])
         self._arrow.set_visible(bool(np.hypot(*arrow) > 1e-3))
-        before = np.searchsorted(self._struck, [now - _FLASH * self._pace, now], side='right')
+        before = np.searchsorted(
+            self._impact_times, [now - _FLASH * self._pace, now], side='right'
+        )
         self._rim.set_facecolor(FLASH if before[1] > before[0] else self._fill)
 
 

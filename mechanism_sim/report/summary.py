@@ -76,6 +76,12 @@ def to_json(
         events['modes'] = [
             {'t': c.t, 'joint': c.joint, 'mode': c.mode.name.lower()} for c in modes
         ]
+    if not turns.means:
+        per_revolution = None
+    else:
+        per_revolution = {'revolutions': turns.means[0].revolutions} | {
+            m.name: {'mean': plain(m.mean), 'half_width': plain(m.half_width)} for m in turns.means
+        }
     return {
         'scene': run.machine.name,
         'level': run.machine.level.value,
@@ -87,7 +93,7 @@ def to_json(
         'impact_count': totals.impacts,
         'mode_change_count': totals.mode_changes,
         **{key: getattr(totals, key) for key in _TOTALS_KEYS},
-        'per_revolution': _per_revolution(turns),
+        'per_revolution': per_revolution,
         **events,
         'no_limits': no_limits_to_json(run.no_limits),
         **undetermined_to_json(run.machine),
@@ -95,14 +101,6 @@ def to_json(
         'max_closure_error': run.max_closure_error,
         'energy': energy and {k: getattr(energy, k) for k in _ENERGY_KEYS},
         'digest': digest,
-    }
-
-
-def _per_revolution(turns: ImpactAccumulator) -> dict[str, object] | None:
-    if not turns.means:
-        return None
-    return {'revolutions': turns.means[0].revolutions} | {
-        m.name: {'mean': plain(m.mean), 'half_width': plain(m.half_width)} for m in turns.means
     }
 
 

@@ -98,8 +98,8 @@ def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
 
 
 def _given(value: Any, unit: str) -> str:
-    """A swept value as the file has it; of a design with the unit in which people read it."""
-    if not isinstance(value, float) or not unit:
+    """A swept value as the file has it; a number with the unit in which people read it."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not unit:
         return str(value)
     shown, scale = for_people(unit)
     return f'{scale * value:.6g} {shown}'
@@ -328,28 +328,30 @@ class SweepCharts:
         if not known:
             raise InputError('--effects: nothing that is swept changes a measure')
         factors = list(dict.fromkeys(factor for _, factor in known))
-        panels = [
-            self._effect(known.get((name, factor)), factor, *self._measure(name))
-            for name in dict.fromkeys(e.measure for e in self._effects)
-            for factor in factors
-        ]
+        panels = []
+        for name in dict.fromkeys(e.measure for e in self._effects):
+            y, scale = self._measure(name)
+            for factor in factors:
+                e = known.get((name, factor))
+                levels = e.levels if e else ()
+                numbers = all(isinstance(level.x, float | int) for level in levels)
+                x, by = self._axis(factor, every=False) if numbers else (Axis(_short(factor)), 1.0)
+                at = [by * float(level.x) if numbers else k for k, level in enumerate(levels)]
+                mean = np.array([scale * level.mean for level in levels])
+                error = np.array([2.0 * scale * level.error for level in levels])
+                curve = ChartCurve(
+                    np.array(at, float), mean, of=factor, marker='circle', error=error
+                )
+                said = (
+                    f'{100.0 * e.share:.0f} % of variance' if e and math.isfinite(e.share) else ''
+                )
+                said += f', total index {e.total[0]:.2f}' if e and e.total else ''
+                if not numbers:
+                    x = Axis(x.words, names=tuple(str(level.x) for level in levels))
+                panels.append(Panel(x, y, (curve,), said, height=1.6, scale=y.words))
         wide = 1.2 + 2.1 * len(factors)
         title = self.plan.title
         return Chart('effects', title, tuple(panels), columns=len(factors), width=wide)
-
-    def _effect(self, e: Effect | None, factor: str, y: Axis, scale: float) -> Panel:
-        levels = e.levels if e else ()
-        numbers = all(isinstance(level.x, float | int) for level in levels)
-        x, by = self._axis(factor, every=False) if numbers else (Axis(_short(factor)), 1.0)
-        at = [by * float(level.x) if numbers else k for k, level in enumerate(levels)]
-        mean = np.array([scale * level.mean for level in levels])
-        error = np.array([2.0 * scale * level.error for level in levels])
-        curve = ChartCurve(np.array(at, float), mean, of=factor, marker='circle', error=error)
-        said = f'{100.0 * e.share:.0f} % of variance' if e and math.isfinite(e.share) else ''
-        said += f', total index {e.total[0]:.2f}' if e and e.total else ''
-        if not numbers:
-            x = Axis(x.words, names=tuple(str(level.x) for level in levels))
-        return Panel(x, y, (curve,), said, height=1.6, scale=y.words)
 
     def tornados(self) -> Iterator[Chart]:
         """Yield the means of each measure at the lowest and highest level of each factor."""

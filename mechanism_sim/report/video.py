@@ -62,8 +62,7 @@ class Target:
                 f'{option} {name}: the ending must be .mp4, .gif or .svg, or none for a folder of '
                 'SVG frames'
             )
-        if not path.resolve().parent.is_dir():
-            raise InputError(f"{option} {name}: there is no directory '{path.parent}'")
+        output.check_path(option, name, path.suffix)
         self.path, self.kind = path, '' if folder or path.suffix == '.svg' else path.suffix
         self.usual_rate, self.usual_size = _USUAL[self.kind]
         self.files: list[Path] = []

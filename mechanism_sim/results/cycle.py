@@ -7,8 +7,8 @@ again, as two of a camshaft at half speed; otherwise it is as long as it is aske
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
@@ -35,9 +35,9 @@ from mechanism_sim.results.run import Solution, seconds_of
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
-from mechanism_sim.scene.load import without_clearance
+from mechanism_sim.scene.load import has_place, without_clearance
 from mechanism_sim.scene.plan import keeps_speed
-from mechanism_sim.scene.validation import between_limits
+from mechanism_sim.scene.validation import between_limits, turns_round
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
@@ -58,6 +58,8 @@ _BEYOND = np.array([8.0, -28.0, 56.0, -70.0, 56.0, -28.0, 8.0, -1.0])
 @dataclass(frozen=True, eq=False)
 class Cycle(plotting.Rich):
     """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
+
+    It goes over the names of its table.
 
     Any quantity of the machine can be asked for (``mechanism-sim quantities SCENE``). Its table
     has all but paths of points and forces in the frames of links, which are there on request: a
@@ -82,6 +84,7 @@ class Cycle(plotting.Rich):
     local: bool
     static: bool = False
     ranges: bool = False
+    _figures: dict[tuple[str, str], float] = field(default_factory=dict, init=False)
 
     def __repr__(self) -> str:
         span = f'{self.t[0]:.6g} s to {self.t[-1]:.6g} s'
@@ -120,6 +123,9 @@ class Cycle(plotting.Rich):
         if name not in self.table():
             return self.at(self.t, [catalogue(self.machine).find(name).name]).popitem()[1]
         return self.table()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
 
     def table(self) -> Table:
         """All columns (N + 1,) by name, in SI units."""
@@ -303,10 +309,6 @@ class Cycle(plotting.Rich):
             self._figures.update({(function, n): x.value for n, x in found})
         return self._figures[function, name]
 
-    @cached_property
-    def _figures(self) -> dict[tuple[str, str], float]:
-        return {}
-
     @property
     def efficiency(self) -> float | None:
         """Efficiency: share of the work of drives and stored energy not lost in joint friction.
@@ -319,7 +321,11 @@ class Cycle(plotting.Rich):
         if power <= 0.0:
             return None
         if not self.static:
-            power += max(_less_stored(self) / self.duration, 0.0)
+            # kinetic and potential energy at the begin, less those at the end [J]
+            energies = ['energy.kinetic', 'energy.potential']
+            ends = self.at(self.t[[0, -1]], energies)
+            less_stored = -float(sum(np.diff(ends[energy])[0] for energy in energies))
+            power += max(less_stored / self.duration, 0.0)
         left = 1.0 - sum(self.mean(name) for name in losses) / power
         if not left >= -_ROUNDED:
             return None
@@ -333,13 +339,6 @@ class Cycle(plotting.Rich):
         # both ends alone: a column takes a quadrature up to each of its samples
         begin, end = self.at(self.t[[0, -1]], 'energy.drive_work')['energy.drive_work'].tolist()
         return float(end - begin) / self.duration
-
-
-def _less_stored(found: Cycle) -> float:
-    """Kinetic and potential energy at the begin, less those at the end [J]."""
-    names = ['energy.kinetic', 'energy.potential']
-    ends = found.at(found.t[[0, -1]], names)
-    return -float(sum(np.diff(ends[name])[0] for name in names))
 
 
 def cycle(
@@ -460,31 +459,34 @@ def instant(
     points: str | Sequence[str] = (),
     still: bool = False,
 ) -> tuple[Cycle, float]:
-    """A cycle, and the instant in it when the drive is at an angle, or the clock at a time.
+    """A cycle, and the instant in it when the drive is at a position, or the clock at a time.
 
     Parameters
     ----------
-    angle : angle of the drive [rad], or
-    t : time [s]; without either the start
-    duration : duration of the cycle [s], where the drive has no period
+    angle : of the drive [rad, m], or
+    t : [s]; without either the start
+    duration : of the cycle [s], where the drive has no period
     points : as for `cycle`
     still : no more than the instant is wanted, so that a drive without a period needs no duration;
         but where all points of a link coincide it is the motion that shows how large it is
     """
-    angle, t = argument('angle', angle, 'rad'), argument('t', t, 's')
+    unit = 'm' if machine.plan.main in machine.mechanism.displacements else 'rad'
+    angle, t = argument('angle', angle, unit), argument('t', t, 's')
     if t is not None and t < 0.0:
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
     if duration is not None:
         duration = span(machine, None, duration)
     elif still and t is None and machine.plan.clearances and between_limits(machine):
         machine = without_clearance(machine)  # of which the limits are
-    if duration is None and t is None and (ranged := over_range(machine)):
-        if still:
-            here = placed(machine, machine.drive.start[0] if angle is None else angle)
-            return cycle(here, duration=_MOMENT, points=points), 0.0
-        found = cycle(ranged, points=points)
-        return found, _time_at(found, machine.drive.start[0] if angle is None else angle)
-    if is_steady(machine):
+    ranged = over_range(machine) if duration is None and t is None else None
+    steady = is_steady(machine)
+    if ranged or (angle is not None and not steady):
+        at = machine.drive.start[0] if angle is None else angle
+        if still and (ranged or has_place(machine)):
+            return cycle(placed(machine, at), duration=_MOMENT, points=points), 0.0
+        found = cycle(ranged or machine, duration=duration, points=points)
+        return found, _time_at(found, at)
+    if steady:
         if t is not None:
             duration = max(t, duration or machine.drive.period)
     elif still and duration is None:
@@ -497,26 +499,35 @@ def instant(
 
 
 def _time_at(cycle: Cycle, value: float) -> float:
-    """Time at which a drive between limits is at a position [rad, m]."""
+    """Time at which a drive is first at a position [rad, m]; whole turns do not count."""
     name = f'position.{cycle.drive}'
-    ends = np.sort(cycle.at(cycle.t[[0, -1]], [name])[name])
+    way = cycle.at(cycle.t, [name])[name]
+    low, high, unit, scale = float(way.min()), float(way.max()), 'mm', 1e3
     if cycle.drive not in cycle.machine.mechanism.displacements:
-        value += 2.0 * math.pi * math.ceil((ends[0] - value) / (2.0 * math.pi) - 1e-9)
+        unit, scale = 'deg', 180.0 / math.pi
+        value += 2.0 * math.pi * math.ceil((low - value) / (2.0 * math.pi) - 1e-9)
 
     def off(t: float) -> float:
         return float(cycle.at(np.array([t]), [name])[name][0]) - value
 
-    if not ends[0] < value < ends[1]:
+    if not low - 1e-9 * abs(low) <= value <= high + 1e-9 * abs(high):
         raise InputError(
-            f'{cycle.machine.name}: {cycle.drive} does not reach this position within its limits'
+            f'{cycle.machine.name}: {cycle.drive} goes from {scale * low:.6g} to '
+            f'{scale * high:.6g} {unit} in {cycle.duration:.6g} s, and is not at this position'
         )
-    return float(scipy.optimize.brentq(off, cycle.t[0], cycle.t[-1]))
+    value = min(max(value, low), high)
+    k = int(np.flatnonzero((way[:-1] - value) * (way[1:] - value) <= 0.0)[0])
+    for end in (k, k + 1):  # where rounding may have it beyond
+        if way[end] == value:
+            return float(cycle.t[end])
+    return float(scipy.optimize.brentq(off, cycle.t[k], cycle.t[k + 1]))
 
 
 def is_steady(machine: Machine) -> bool:
     """True if the main drive turns at constant speed, so that there is a period.
 
-    Other drives rest, or turn whole turns in the turns after which all is as before.
+    Other drives rest, or turn whole turns in the turns after which all is as before. A drive that
+    cannot turn round, for as long as the scene says, has none.
     """
     plan = machine.plan
     if not all(keeps_speed(plan, c) for c in plan.laws):
@@ -526,7 +537,8 @@ def is_steady(machine: Machine) -> bool:
         return False
     turns = machine.drive.repetition.turns
     ratios = [turns * speed / speeds[plan.main] for speed in speeds.values()]
-    return all(abs(ratio - round(ratio)) < 1e-9 for ratio in ratios)
+    whole = all(abs(ratio - round(ratio)) < 1e-9 for ratio in ratios)
+    return whole and (not machine.scene.duration or turns_round(machine))
 
 
 def _is_load(name: str) -> bool:

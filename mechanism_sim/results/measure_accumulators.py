@@ -109,7 +109,7 @@ class FigureAccumulator:
         ]
         self._true = {f.argument: 0.0 for f in figures if f.function == 'share'}
         self._span = 0.0
-        self._struck = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
+        self._impact_works = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
         self._parts: dict[str, list[Monotone]] = {
             f.argument: [] for f in figures if f.function == 'percentile'
         }
@@ -165,10 +165,10 @@ class FigureAccumulator:
             kept.append(part)
         if self._true:
             self._time_true(piece, every, parts)
-        for impact in piece.impacts if self._struck else ():
+        for impact in piece.impacts if self._impact_works else ():
             if since <= impact.t < until and len(self._machine.physics.driven) == 1:
-                for a in self._struck:
-                    self._struck[a] += impact.drive_work
+                for a in self._impact_works:
+                    self._impact_works[a] += impact.drive_work
         if self._ends:
             first, self._last = (
                 self._values(piece, self._arguments, *curve.find(t))[0][:, 0]
@@ -279,7 +279,8 @@ class FigureAccumulator:
         """The value of a figure of this window, and its resolution."""
         name, kind, note = f.argument, f.function, EXACT
         if f in self._distances:
-            return self._distances[f].result(largest=kind == 'largest_distance'), note
+            x, why = self._distances[f].result(largest=kind == 'largest_distance')
+            return x, why or note
         if kind in EXTREMES:
             own, search = next(x for x in self._searches if name in x[0])
             i = own.index(name)
@@ -299,8 +300,21 @@ class FigureAccumulator:
         if kind == 'share':
             return self._true[name] / self._span if self._span else math.nan, note
         if kind == 'percentile':
-            return self._percentile(f)
-        return self._integrated(f)
+            # the level that is not exceeded for a share of the time
+            unit, kept = self._units[f.argument], self._parts[f.argument]
+            part = joined(kept) if kept else None
+            if part is None or not len(part.low):
+                return math.nan, EXACT
+            level = part.quantile((f.percent or 0.0) / 100.0)
+            size = float(np.abs(part.first).max())
+            if part.lost:
+                return level, f'of the time but {part.lost:.3g} s, when it is not finite'
+            return level, Estimate(level, part.error, size).note(unit)
+        # a figure that is an integral over time, or follows from one
+        e, unit, time = self._estimate(f)
+        if not time:
+            return 0.0 if f.function == 'work' else math.nan, EXACT
+        return e.value, e.note(unit)
 
     def rounding(self, f: Figure) -> float:
         """Size of the errors of a figure by rounding: what differs by less is the same.
@@ -325,13 +339,6 @@ class FigureAccumulator:
             size = self._estimate(f)[0].size
         return _ROUNDING.value * float(size)
 
-    def _integrated(self, f: Figure) -> tuple[float, str]:
-        """A figure that is an integral over time, or follows from one."""
-        e, unit, time = self._estimate(f)
-        if not time:
-            return 0.0 if f.function == 'work' else math.nan, EXACT
-        return e.value, e.note(unit)
-
     def _estimate(self, f: Figure) -> tuple[Estimate, str, float]:
         """A figure over time with its error, its unit, and the duration [s] of its window."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
@@ -340,24 +347,12 @@ class FigureAccumulator:
         i = rows.index(row)
         if kind == 'work':
             unit, e = 'J', found.integral(i)
-            e = e._replace(value=e.value + self._struck[name])
+            e = e._replace(value=e.value + self._impact_works[name])
         elif kind == 'integral':
             unit, e = product(unit, 's'), found.integral(i)
         else:
             e = found.root(i) if kind == 'rms' else found.mean(i)
         return e, unit, found.time
-
-    def _percentile(self, f: Figure) -> tuple[float, str]:
-        """Level that is not exceeded for a share of the time."""
-        unit, kept = self._units[f.argument], self._parts[f.argument]
-        part = joined(kept) if kept else None
-        if part is None or not len(part.low):
-            return math.nan, EXACT
-        x = part.quantile((f.percent or 0.0) / 100.0)
-        size = float(np.abs(part.first).max())
-        if part.lost:
-            return x, f'of the time but {part.lost:.3g} s, when it is not finite'
-        return x, Estimate(x, part.error, size).note(unit)
 
 
 class Estimate(NamedTuple):

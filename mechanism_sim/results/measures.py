@@ -170,7 +170,14 @@ class Measurement:
             said = dict.fromkeys(results[f][1] for f in measure.figures)
             resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
             x, half = measure.value(lambda f: results[f][0]), self._half_width(measure)
-            rounding = _rounding(measure, {f: x for f, (x, _) in results.items()}, blurs)
+            # size of errors by rounding of its figures, to first order
+            values = {f: value for f, (value, _) in results.items()}
+            there = measure.value(values.__getitem__)
+            off = (
+                measure.value((values | {f: values[f] + blurs[f]}).__getitem__) - there
+                for f in dict.fromkeys(measure.figures)
+            )
+            rounding = sum(abs(d) for d in off if math.isfinite(d))
             x = 0.0 if abs(x) <= rounding else x
             out.append(
                 Measured(
@@ -200,16 +207,6 @@ class Measurement:
             unit = self.units()[m.name] if values else ''
             out.append((m.name, unit, np.array(values)))
         return out
-
-
-def _rounding(measure: Measure, x: dict[Figure, float], blurs: Mapping[Figure, float]) -> float:
-    """Size of errors of a measure by rounding of its figures, to first order."""
-    value = measure.value(x.__getitem__)
-    off = (
-        measure.value((x | {f: x[f] + blurs[f]}).__getitem__) - value
-        for f in dict.fromkeys(measure.figures)
-    )
-    return sum(abs(d) for d in off if math.isfinite(d))
 
 
 def _of_turn(measure: Measure, turn: Sequence[tuple[float, str]]) -> float:
@@ -352,7 +349,16 @@ class Window:
                 value, note = self._of_events(f, begin, until, last=True)
             else:
                 value, note = self._accumulator.result(f)
-            lost = self._outside(since, until)
+            # how much of the window the run does not reach, in words
+            slack, first = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
+            if since < first - slack:
+                lost = f'from {first:.6g} s on, where what was run begins'
+            elif since > self._last - slack:
+                lost = f'the run ends at {self._last:.6g} s, before the window begins'
+            elif math.isfinite(self._until.value) and until > self._last + slack:
+                lost = f'up to the end of the run at {self._last:.6g} s'
+            else:
+                lost = ''
             return value, lost if lost and note == EXACT else ', '.join(filter(None, (note, lost)))
         parts = self.each_turn(f)
         if not parts:
@@ -365,17 +371,6 @@ class Window:
             return 0.0
         accumulators = self._accumulators if self.per_revolution else [self._accumulator]
         return max((accumulator.rounding(f) for accumulator in accumulators), default=0.0)
-
-    def _outside(self, since: float, until: float) -> str:
-        """Describe the part of the window [s] that the run does not reach; empty if none."""
-        slack, begin = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
-        if since < begin - slack:
-            return f'from {begin:.6g} s on, where what was run begins'
-        if since > self._last - slack:
-            return f'the run ends at {self._last:.6g} s, before the window begins'
-        if math.isfinite(self._until.value) and until > self._last + slack:
-            return f'up to the end of the run at {self._last:.6g} s'
-        return ''
 
     def each_turn(self, f: Figure) -> list[tuple[float, str]]:
         """The values of a figure in every whole revolution, and their resolutions."""

@@ -2,8 +2,9 @@
 
 A file has columns ``x`` and ``y``, or one of another name for a coordinate, and units in its
 headings. With a further column ``angle``, by which the main drive has turned since its start, or
-``t``, each point belongs to an instant; without, the nearest place of the path counts. Angles go
-on after as many turns as the column is long, and until these are seen after one.
+``t``, each point belongs to an instant; without, the nearest place of the path counts. A point
+whose angle is outside of a run is looked for a turn, or as many as the column is long, away: if
+the path has come again by then.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ from mechanism_sim.units import read_common
 _LOOKS = np.linspace(0.0, 1.0, 9)
 """Positions in a step between which the nearest is searched."""
 _CANDIDATES = 3
-"""Number of nearest positions that are each refined: paths may cross themselves."""
+"""Nearest places seen, of which each is refined: paths cross themselves."""
+_AGAIN = 1e-6
+"""Share of the size of the machine, or of a radian, within which a path has come again."""
 _REFINED = 8
 """Steps of Newton's method from there; each doubles the digits."""
 _TIMED = {'angle': 'rad', 't': 's'}
@@ -35,6 +38,11 @@ _ANGLES = {**_TIMED, 'orientation': 'rad'}
 
 Values = Callable[[Array], dict[str, Array]]
 """Quantities (N,) by name at instants (N,)."""
+
+
+def _slack(t: float) -> float:
+    """Tolerance [s] within which two instants are the same."""
+    return 1e-9 * (t + 1.0)
 
 
 class TargetPath(NamedTuple):
@@ -102,6 +110,12 @@ class PathDistances:
         self._points: Array = np.array(path.points)[:, :2]
         self._least = np.full(len(self._points), np.inf)
         self._at, self._periods = np.array(path.at), [math.inf]
+        alone = names[0].removeprefix('position.')
+        self._turns = len(names) == len(RATES) and alone not in machine.mechanism.displacements
+        self._near = _AGAIN * (1.0 if self._turns else machine.mechanism.size)
+        self._moved = np.zeros(len(self._points))  # [s] by which a point was looked for elsewhere
+        self._first: Array | None = None
+        self._again = {0.0}
         if path.by == 'angle':
             speed = abs(machine.drive.start[1])
             if not (machine.drive.steady and speed):
@@ -117,14 +131,17 @@ class PathDistances:
             return
         first, last = float(start[0]), float(end[-1])
         if self._path.by:
+            slack, begin = _slack(last), max(since, 0.0)
+            low = begin - 1e-9 * self._periods[0]
             for period in self._periods:
-                low = max(since, 0.0) - 1e-9 * self._periods[0]
                 t = low + np.mod(self._at - low, period) if period < math.inf else self._at
-                inside = np.flatnonzero((t >= first - 1e-9 * (last + 1.0)) & (t <= last))
+                inside = np.flatnonzero((t >= first - slack) & (t <= last))
                 if len(inside):
-                    off = self._rows(values(np.clip(t[inside], first, last)))[0]
-                    off -= self._points[inside].T
-                    self._least[inside] = np.hypot.reduce(off, axis=0)
+                    places = self._rows(values(np.clip(t[inside], first, last)))[0]
+                    self._least[inside] = self._off(places, self._points[inside].T)
+                    moved = np.abs(t[inside] - self._at[inside])
+                    self._moved[inside] = np.where(moved > slack, period, 0.0)
+            self._compare(begin, first, last, values)
             return
         looks = (start[:, None] + (end - start)[:, None] * _LOOKS).ravel()
         way = self._rows(values(looks))[0]
@@ -136,6 +153,23 @@ class PathDistances:
             self._refine(looks[near], looks[before], looks[after], values)
             for k in (before, near, after):
                 squares[rows, k] = np.inf
+
+    def _compare(self, begin: float, first: float, last: float, values: Values) -> None:
+        """Enter the periods from an instant [s] on after which the path has come again."""
+        for period in (0.0, *self._periods):
+            t = np.clip([begin + period], first, last)
+            if abs(t[0] - begin - period) <= _slack(last):
+                place = self._rows(values(t))[0]
+                self._first = place if self._first is None else self._first
+                if self._off(place, self._first)[0] <= self._near:
+                    self._again.add(period)
+
+    def _off(self, places: Array, points: Array) -> Array:
+        """Distances (N,) of places (d, N) from points; an angle is the same whole turns on."""
+        off = places - points
+        if self._turns:
+            off = np.remainder(off + math.pi, 2.0 * math.pi) - math.pi
+        return np.asarray(np.hypot.reduce(off, axis=0))
 
     def _refine(self, t: Array, low: Array, high: Array, values: Values) -> None:
         """Enter the nearest positions by Newton's method from instants (n,), between limits."""
@@ -154,8 +188,14 @@ class PathDistances:
         rows = np.array([known[name] for name in self._names])
         return rows.reshape(3, len(self._names) // 3, -1)
 
-    def result(self, largest: bool) -> float:
-        """Root mean square, or the largest; NaN where points were not reached."""
-        if not np.isfinite(self._least).all():
-            return math.nan
-        return float(self._least.max() if largest else math.sqrt((self._least**2).mean()))
+    def result(self, largest: bool) -> tuple[float, str]:
+        """Root mean square, or the largest; not a number where some were not reached, and why."""
+        found = np.isin(self._moved, list(self._again)) & np.isfinite(self._least)
+        if not found.all():
+            missed, of = np.flatnonzero(~found), self._path
+            at, first = '', of.at[missed[0]] if of.by else 0.0
+            if of.by:
+                at = f't = {first:.6g} s' if of.by == 't' else f'{math.degrees(first):.6g} deg'
+                at = f', the first at {at} from its start'
+            return math.nan, f'the run does not come to {len(missed)} of {len(found)} points{at}'
+        return float(self._least.max() if largest else math.sqrt((self._least**2).mean())), ''

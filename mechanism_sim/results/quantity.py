@@ -22,6 +22,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
+from mechanism_sim.vibration.shaken_frame import WholeMachine
 
 T = TypeVar('T')
 PARTS = 'x', 'y', 'size', 'direction', 'moment', 'along', 'across', 'axial'
@@ -53,7 +54,7 @@ class View:
         static: bool = False,
     ) -> None:
         self.machine, self._motion, self._balance = machine, motion, balance
-        self._segments, self._dt = segments, dt
+        self._segments, self._dt, self._static = segments, dt, static
         self._physics = machine.nominal.statics if static else machine.physics
         self._known: dict[Hashable, Any] = {}
         if t is not None:
@@ -125,6 +126,13 @@ class View:
         known = {'time': self.t, **{f'{c}.turns': n for c, n in turns}}
         known |= {f'{STATE}{k}': x for k, x in enumerate(self.states())}
         return np.reshape([known[name] for name in names], (len(names), len(self.t)))
+
+    def on_frame(self, forces: WholeMachine) -> Array:
+        """Force x, y [N] and moment [N m] (3, N) of a machine on its frame."""
+        trajectory = self.observed.local, self.observed.velocity, self.observed.acceleration
+        return forces.along(
+            self._motion, self._segments, self._dt, trajectory, self.observed.load, self._static
+        )
 
     @cached_property
     def modes(self) -> NDArray[np.uint8]:

@@ -197,19 +197,6 @@ _TOGETHER = 2048  # segments; messages of nodes bring them one by one
 _OF_BEARINGS = ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size')
 
 
-def _bearing_loads(machine: Machine) -> list[str]:
-    """The loads of bearings of shafts, shaft by shaft, and of bearings that tilt."""
-    chosen = [
-        quantity
-        for quantity in catalogue(machine).values()
-        if (quantity.kind, quantity.part) in _OF_BEARINGS
-        or (quantity.kind == 'axial_force' and quantity.of in machine.physics.tilting)
-    ]
-    of = [*dict.fromkeys(quantity.of for quantity in chosen)]
-    chosen.sort(key=lambda q: (of.index(q.of), q.part == 'axial'))
-    return [quantity.name for quantity in chosen]
-
-
 class LoadPeaks:
     """The largest force in each joint and effort of each drive; impulses of impacts are no forces.
 
@@ -236,7 +223,17 @@ class LoadPeaks:
         driven = sorted(physics.driven, key=lambda c: c != machine.plan.main)  # the main one first
         self._drives = {f'drive_torque.{c}': c for c in driven}
         self._loads = [*self._joints, *self._drives] if physics.has_forces else []
-        self._loads += _bearing_loads(machine) if bearings else []
+        if bearings:
+            # of shafts, shaft by shaft, and of bearings that tilt
+            chosen = [
+                quantity
+                for quantity in catalogue(machine).values()
+                if (quantity.kind, quantity.part) in _OF_BEARINGS
+                or (quantity.kind == 'axial_force' and quantity.of in machine.physics.tilting)
+            ]
+            of = [*dict.fromkeys(quantity.of for quantity in chosen)]
+            chosen.sort(key=lambda q: (of.index(q.of), q.part == 'axial'))
+            self._loads += [quantity.name for quantity in chosen]
         others = [*others]
         self._ranges = QuantityRanges(
             machine,

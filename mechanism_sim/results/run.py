@@ -226,7 +226,27 @@ class Piece(Rich):
         asked = list(flat(names))
         sensors = {n: n.removeprefix(_SENSORS) for n in asked if self._is_sensor(n)}
         if sensors:
-            return self._beside_signals(sensors, asked, rate, signal)
+            # samples of sensors, and quantities when they are due
+            if rate is not None:
+                raise InputError(
+                    f'rate: {next(iter(sensors.values()))} is sampled at a rate of its own'
+                )
+            signals = [signal(label) for label in sensors.values()]
+            t, *others = (x['t'] for x in signals)
+            for label, due in zip([*sensors.values()][1:], others, strict=True):
+                if not np.array_equal(t, due):
+                    raise InputError(
+                        f'{label} is not sampled when {next(iter(sensors.values()))} is: make a '
+                        'frame of each'
+                    )
+            quantities = [n for n in asked if n not in sensors]
+            rest = self.sample(t, *quantities) if quantities else Table({}, {})
+            columns, units = {'t': t}, {'t': 's'}
+            for table in signals:
+                label, unit = [*table.units.items()][1]
+                key = _SENSORS + label if label in rest else label
+                columns[key], units[key] = table[label], unit
+            return Table(columns | dict(rest), units | dict(rest.units))
         first, last = float(self.motion.curve.start[0]), self.motion.curve.end
         own, t = argument('rate', rate, 'Hz'), np.linspace(first, last, 1000)
         if own is not None:
@@ -242,35 +262,6 @@ class Piece(Rich):
         known = self.catalogue
         own = name in self.machine.scene.sensors and not known.below(name)
         return own or name.startswith(_SENSORS)
-
-    def _beside_signals(
-        self,
-        sensors: Mapping[str, str],
-        names: Sequence[str],
-        rate: float | str | None,
-        signal: Callable[[str], Table],
-    ) -> Table:
-        """Samples of sensors, and quantities at their due times."""
-        if rate is not None:
-            raise InputError(
-                f'rate: {next(iter(sensors.values()))} is sampled at a rate of its own'
-            )
-        signals = [signal(name) for name in sensors.values()]
-        t, *others = (x['t'] for x in signals)
-        for name, due in zip([*sensors.values()][1:], others, strict=True):
-            if not np.array_equal(t, due):
-                raise InputError(
-                    f'{name} is not sampled when {next(iter(sensors.values()))} is: make a frame '
-                    'of each'
-                )
-        quantities = [n for n in names if n not in sensors]
-        rest = self.sample(t, *quantities) if quantities else Table({}, {})
-        columns, units = {'t': t}, {'t': 's'}
-        for table in signals:
-            name, unit = [*table.units.items()][1]
-            own = _SENSORS + name if name in rest else name
-            columns[own], units[own] = table[name], unit
-        return Table(columns | dict(rest), units | dict(rest.units))
 
     def plot(self, *names: str | Sequence[str], **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.
@@ -399,10 +390,22 @@ class Runner:
         RunError
             If the integration breaks down, or the motion violates a gap or the energy balance.
         """
-        self._check_end(until)
+        if isinstance(self.engine, EventLoop) and not math.isinf(until):  # steps have a length
+            longest = self.engine.longest
+            if (until - self.engine.time) / longest > _MOST_STEPS:
+                raise InputError(
+                    f'{self.machine.name}: {until:.6g} s take more than {_MOST_STEPS:.0e} steps, '
+                    f'of {longest:.3g} s at most: give a shorter duration, or a faster drive'
+                )
         self.more = True
         while self.more:
-            self._look_ahead(until, final)
+            # warn of a run that is long, as by an oil film, and end one that comes to no end
+            engine = self.engine
+            if isinstance(engine, EventLoop) and math.isfinite(until):
+                # nodes ask for parts of a run, as far as laws are known
+                horizon = until if final else max(until, self.machine.scene.duration or 0.0)
+                if said := engine.films.look(engine.steps, horizon, final):
+                    self._warn(said)
             whole = final and held is None
             with self._bent():
                 more = self._integrate(until, whole, batch or BATCH)
@@ -417,26 +420,6 @@ class Runner:
             for observe in observers:
                 observe(piece)
             yield piece
-
-    def _check_end(self, until: float) -> None:
-        """Refuse a run with too many steps for any computer."""
-        if not isinstance(self.engine, EventLoop) or math.isinf(until):
-            return
-        longest = self.engine.longest
-        if (until - self.engine.time) / longest > _MOST_STEPS:
-            raise InputError(
-                f'{self.machine.name}: {until:.6g} s take more than {_MOST_STEPS:.0e} steps, of '
-                f'{longest:.3g} s at most: give a shorter duration, or a faster drive'
-            )
-
-    def _look_ahead(self, until: float, final: bool) -> None:
-        """Warn of a long run, such as with a thin oil film, and end one without end."""
-        engine = self.engine
-        if isinstance(engine, EventLoop) and math.isfinite(until):
-            # nodes ask for parts of a run, as far as laws are known
-            end = until if final else max(until, self.machine.scene.duration or 0.0)
-            if said := engine.films.look(engine.steps, end, final):
-                self._warn(said)
 
     def _warn(self, said: str) -> None:
         warnings.warn(f'{self.machine.name}: {said}', RunWarning, stacklevel=3)
@@ -529,6 +512,20 @@ def prepare(machine: Machine) -> None:
     if isinstance(runner.engine, EventLoop):
         runner.engine.compile()
     next(runner.to(1e-6 * min(machine.drive.period, 1.0), batch=Batch(1, 1)))
+
+
+def part_of(
+    first: float, last: float, start: float | None, end: float | None
+) -> tuple[float, float]:
+    """Start and end [s] of a part of a run from `first` to `last`; those where they are None."""
+    begin, finish = (first if start is None else start), (last if end is None else end)
+    slack = 1e-9 * max(1.0, last)
+    if not first - slack <= begin < finish <= last + slack:
+        raise InputError(
+            f'from {begin:g} s to {finish:g} s is not within the run, which goes from {first:g} s '
+            f'to {last:g} s'
+        )
+    return max(begin, first), min(finish, last)
 
 
 def instants(

@@ -86,29 +86,29 @@ class Stream(Runner):
     def __iter__(self) -> Iterator[Piece]:
         """Run on to the end; the snapshot is that before the last step is cut off."""
         pieces = self.to(self._end, [self._count], held=self._keep)
-        while piece := self._next(pieces):
+        while True:
+            if self._amid:
+                raise RunError(
+                    f'{self.machine.name}: this run was interrupted amid a piece, or another '
+                    'thread is taking it: begin a new one'
+                )
+            # also when Ctrl-C comes meanwhile: then nobody knows what is missing
+            self._amid = True
+            with self._timed():
+                piece = next(pieces, None)
+            if piece:
+                if self._progress:
+                    self._progress(min(self.engine.time, self._end), self.totals.impacts)
+                for observe in self._observers:
+                    observe(piece)
+            self._amid = False
+            if not piece:
+                return
             yield piece
 
     def _keep(self) -> None:
         if self._snapshot is None:
             self._snapshot = self.machine.snapshot(self.engine)
-
-    def _next(self, pieces: Iterator[Piece]) -> Piece | None:
-        if self._amid:
-            raise RunError(
-                f'{self.machine.name}: this run was interrupted amid a piece, or another thread '
-                'is taking it: begin a new one'
-            )
-        self._amid = True  # also when Ctrl-C comes meanwhile: then nobody knows what is missing
-        with self._timed():
-            piece = next(pieces, None)
-        if piece:
-            if self._progress:
-                self._progress(min(self.engine.time, self._end), self.totals.impacts)
-            for observe in self._observers:
-                observe(piece)
-        self._amid = False
-        return piece
 
     def finish(self, observers: Iterable[Observer] = ()) -> Self:
         """Run on to the end, for its observers and these; returns itself."""

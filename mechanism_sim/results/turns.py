@@ -100,7 +100,14 @@ class DriveTurns:
             return
         if self._lawful and self._piece is None and len(self.edges) == 1:  # it comes to rest
             self.edges = [self.begin]
-        ends = self._reaches(curve)
+        # ends of segments [s], and where the drive turns back within them
+        every = np.arange(len(curve))
+        first, last = (
+            curve.at(every, dt, 1)[:, self._index] for dt in (np.zeros(len(every)), curve.duration)
+        )
+        k = np.flatnonzero(first * last < 0.0)
+        since, _ = reversals(curve, self._index, k, np.zeros(len(k)), curve.duration[k])
+        ends = np.union1d(np.append(curve.start, self.end), curve.times(k, since))
         self._piece = curve, ends, self._turned(curve, ends)
         while (t := self._passage(len(self.edges))) is not None:
             self.edges.append(t)
@@ -119,16 +126,6 @@ class DriveTurns:
             far = self._turned(curve, np.array([middle]))[0] >= turns
             low, high = (low, middle) if far else (middle, high)
         return high
-
-    def _reaches(self, curve: PiecewisePolynomial) -> Array:
-        """Ends of segments [s], and where the drive turns back within them."""
-        every = np.arange(len(curve))
-        first, last = (
-            curve.at(every, dt, 1)[:, self._index] for dt in (np.zeros(len(every)), curve.duration)
-        )
-        k = np.flatnonzero(first * last < 0.0)
-        since, _ = reversals(curve, self._index, k, np.zeros(len(k)), curve.duration[k])
-        return np.union1d(np.append(curve.start, self.end), curve.times(k, since))
 
     def _turned(self, curve: PiecewisePolynomial, t: Array) -> Array:
         """Turns since the start (N,), in either direction."""

@@ -135,7 +135,7 @@ def check(machine: Machine) -> Report:
     loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
     gaps += [
-        f'{name}: {keys.kind_keys.describe(keys, mechanism.joint(name))}, {_surfaces(c)}'
+        f'{name}: {keys.kind_keys.describe(mechanism.joint(name))}, {_surfaces(c)}'
         for name, c in plan.touching.items()
         for keys in [machine.scene.joints[name]]
     ]
@@ -340,7 +340,7 @@ def _notes(machine: Machine, loose: Mapping[str, ClearanceSpec]) -> list[str]:
         notes.append(machine.nominal.undetermined_text)
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]
-        notes += keys.kind_keys.notes(keys, machine, joint)
+        notes += keys.kind_keys.notes(machine, joint)
     notes += [
         f'{name}: never reached: drives and loops determine all of the motion'
         for name in plan.touching.keys() - machine.touching.keys()

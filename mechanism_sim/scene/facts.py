@@ -71,16 +71,11 @@ def facts_of(field: FieldInfo) -> Facts:
     )
 
 
-def unit_at(scene: Part, path: str) -> str:
-    """SI unit of the number at a dotted path of a scene.
-
-    Empty for a plain one, and where the place decides which of several it is in.
-    """
-    return value_at(scene, path)[1]
-
-
 def value_at(scene: Part, path: str) -> tuple[Any, str]:
-    """Value at a dotted path of a scene, None where there is none, and its `unit_at`."""
+    """Value at a dotted path of a scene, None where there is none, and its SI unit.
+
+    That is empty of a plain number, and where the place decides which of several it is in.
+    """
     value, units = units_at(scene, path)
     return value, units[0] if len(units) == 1 else ''
 

@@ -26,11 +26,14 @@ Places = tuple[Array, Array]
 def forces_on(machine: Any, name: str) -> Forces:
     """The forces that shake a frame of the scene."""
     joints = machine.scene.oscillators[name].joints
-    if joints is None:
-        elements = machine.plan.elements(machine.mechanism)
-        applied = [element for element in elements if isinstance(element, AppliedForce)]
-        return WholeMachine(ShakingForce(machine.mechanism, applied), machine.physics)
-    return JointForces(machine, joints)
+    return whole_machine(machine) if joints is None else JointForces(machine, joints)
+
+
+def whole_machine(machine: Any) -> WholeMachine:
+    """The forces of all of a machine on its ground."""
+    tree, plan = machine.mechanism, machine.plan
+    applied = [element for element in plan.elements(tree) if isinstance(element, AppliedForce)]
+    return WholeMachine(ShakingForce(tree, applied, plan.unknowns(tree)), machine.physics)
 
 
 class JointWrenches:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,6 +15,7 @@ from mechanism_sim.keys.names import SceneError, listed
 from mechanism_sim.linkages.drive_range import placed_at
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.drives import drive_key, drive_of
+from mechanism_sim.scene.facts import units_at
 from mechanism_sim.scene.files import check_scene, content_of, overridden
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.machine import Machine
@@ -73,6 +75,20 @@ def load_scene(
         raise InputError(f'{error}; {of_links[0]}') from error
 
 
+def unit_at(scene: Scene, path: str) -> str:
+    """SI unit of the number at a dotted path of a scene; empty of a plain one.
+
+    Of several that which the place takes, as rad/s of a drive that turns.
+    """
+    value, units = units_at(scene, path)
+    if isinstance(value, QuantityValue) and len(units) > 1:
+        for unit in units:
+            with suppress(InputError):
+                load_scene(scene, {path: f'{value.value!r} {unit}'})
+                return unit
+    return units[0] if len(units) == 1 else ''
+
+
 def span(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
     """The duration [s] asked for, as revolutions of the crank or as a time, ``'10 s'``.
 
@@ -122,6 +138,12 @@ def started_at(machine: Machine, angle: float) -> Machine:
     return replace(machine, scene=scene.model_copy(update=changed))
 
 
+def has_place(machine: Machine) -> bool:
+    """True if the position of its main drive tells all of the state, as `placed` needs it."""
+    alone = len(machine.plan.laws) == 1 and keeps_speed(machine.plan, machine.plan.main)
+    return alone and not (machine.level.dynamic or machine.assembly.freedom)
+
+
 def placed(machine: Machine, value: float) -> Machine:
     """Copy of a machine with its prescribed drive elsewhere at the start, on the same branch.
 
@@ -133,8 +155,7 @@ def placed(machine: Machine, value: float) -> Machine:
     """
     plan, main = machine.plan, machine.plan.main
     straight, turned = main in plan.ideal.displacements, TURN * plan.turned.get(main, 0)
-    alone = len(plan.laws) == 1 and keeps_speed(plan, main)
-    if machine.level.dynamic or machine.assembly.freedom or not alone:
+    if not has_place(machine):
         raise SceneError(
             f'{machine.name}: its state does not follow from the position of {main} alone: that '
             'needs a single drive, at constant speed, and no clearance'

@@ -62,6 +62,7 @@ class MotionProfile(Part):
     """A quantity over time: a formula, or points in the scene or in a file."""
 
     of_files: ClassVar[tuple[str, ...]] = FROM_FILE
+    _usual: ClassVar[Interpolation | None] = None  # interpolation, where none is given
 
     formula: str | None = None
     """Of the time t, as "90 deg + 60 deg*sin(pi*t)"; it may stand by itself instead of these keys.
@@ -116,6 +117,10 @@ class MotionProfile(Part):
             raise ValueError(f'has points in {" and in ".join(sorted(units))}: give all in one')
         if self.periodic and self.ends == 'rest':
             raise ValueError("is periodic and has 'ends: rest': keep one")
+        if self.ends == 'rest' and (self.interpolation or self._usual) in (None, 'linear'):
+            raise ValueError(
+                "has 'ends: rest', which applies to points with cubic or quintic interpolation"
+            )
         self._check_points(points)
         return self
 
@@ -162,7 +167,7 @@ class MotionProfile(Part):
         what = 'positions' if self.units()[0] == 'rad' else 'speeds'
         if self.formula is not None:
             return f'{what[:-1]} {self.formula}'
-        how = self.interpolation or ('cubic' if what == 'positions' else '')
+        how = self.interpolation or self._usual
         again = ', periodic' if self.periodic else ''
         return f'{len(self.given)} {what}{f", {how}" if how else " with ramps"}{again}'
 
@@ -217,6 +222,8 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
 
 class PositionPart(MotionProfile):
     """A position over time: a formula, or points in the scene or in a file."""
+
+    _usual: ClassVar[Interpolation | None] = 'cubic'
 
     points: list[tuple[Time, AnyPosition]] | None = Field(None, min_length=2)
     """List of [time, position] with rising times; before the first and after the last the speed

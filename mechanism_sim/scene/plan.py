@@ -110,7 +110,7 @@ class ScenePlan(Names):
         for kind in KINDS.values():
             joints = kind.assembled(self, joints, tree, start)
         self.joints = tuple(
-            keys.kind_keys.mounted(keys, joint, start, self._turns)
+            keys.kind_keys.mounted(joint, start, self._turns)
             for joint in joints
             for keys in [scene.joints[joint.name]]
         )
@@ -119,12 +119,12 @@ class ScenePlan(Names):
             joint.name: spec
             for joint in sorted(self.joints, key=lambda x: scene.joints[x.name].kind_keys.last)
             for keys in [scene.joints[joint.name]]
-            if (spec := keys.kind_keys.clearance_spec(keys, joint)) is not None
+            if (spec := keys.kind_keys.clearance_spec(joint)) is not None
         }
         self.touching: dict[str, ClearanceSpec] = {
             name: spec
             for name, keys in scene.joints.items()
-            if (spec := keys.kind_keys.touches(keys, name)) is not None
+            if (spec := keys.kind_keys.touches(name)) is not None
         }
         self._loads = read_loads(self, tree)
         self.states = [x for x in self._loads(tree) if isinstance(x, FormulaState)]

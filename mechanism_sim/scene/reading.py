@@ -30,7 +30,7 @@ def read_joints(names: Names) -> tuple[Joint, ...]:
             raise InputError(
                 f"{where}: the name '{name}' cannot be used; names are letters, digits and _"
             )
-        joints.append(joint.kind_keys.read(joint, names, name))
+        joints.append(joint.kind_keys.read(names, name))
     held = [{*j.links} for j in joints]
     held += [{p.partition('.')[0] for p in x.between} for x in names.scene.bushings.values()]
     reached, grown = {GROUND}, True
@@ -52,7 +52,7 @@ def read_rotors(names: Names) -> dict[str, Rotor]:
     for name, joint in names.scene.joints.items():
         if not joint.kind_keys.gives_way:
             continue
-        link, rotor = joint.kind_keys.rotor_of(joint, names, name)
+        link, rotor = joint.kind_keys.rotor_of(names, name)
         own = names.scene.links[link]
         if link in found or own.elastic or own.tilt:
             raise InputError(
@@ -88,7 +88,7 @@ def read_frictions(
     return lambda m: [
         x
         for name, joint, given in frictional
-        for x in joint.kind_keys.frictions(joint, given, m.joint(name), m)
+        for x in joint.kind_keys.frictions(given, m.joint(name), m)
     ]
 
 

@@ -66,7 +66,7 @@ def plausibility_warnings(machine: Machine) -> list[str]:
         *(
             text
             for keys, joint in every
-            for text in keys.kind_keys.plausibility_warnings(keys, machine, joint)
+            for text in keys.kind_keys.plausibility_warnings(machine, joint)
         ),
         *_inertias(machine),
         *_masses(machine),

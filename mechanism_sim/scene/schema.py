@@ -307,7 +307,7 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
             raise ValueError(f'cannot have friction: a {self.kind} has none here, only {rubbing}')
         if c and own.firm:
             raise ValueError(f'cannot have a clearance: {own.firm}')
-        if c and (wrong := own.clearance_objection(self, c)):
+        if c and (wrong := own.clearance_objection(c)):
             raise ValueError(wrong)
         return self
 
@@ -323,9 +323,15 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
 class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
     """A sensor: of one kind."""
 
+    @property
+    def kind_keys(self) -> SensorKeys:
+        """Keys and methods of its kind alone, with its values."""
+        own: SensorKeys = self.as_kind(SENSORS[self.kind])
+        return own
+
     def source(self, machine: Any) -> SensorSource:
         """Input of its chain."""
-        return SENSORS[self.kind].source(self, machine)
+        return self.kind_keys.source(machine)
 
     other_words = {
         'body': "'link'",
@@ -341,15 +347,15 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
 
     def carrier(self, machine: Any) -> str:
         """The link or frame that carries it."""
-        return SENSORS[self.kind].carrier(self, machine)
+        return self.kind_keys.carrier(machine)
 
     def place(self, machine: Any) -> str:
         """Place of the sensor in words."""
-        return SENSORS[self.kind].place(self, machine)
+        return self.kind_keys.place(machine)
 
     def check(self, machine: Any, where: str) -> None:
         """Refuse what no machine has."""
-        SENSORS[self.kind].check(self, machine, where)
+        self.kind_keys.check(machine, where)
 
     @classmethod
     def keys_for(cls, data: Any) -> list[str]:

@@ -190,7 +190,7 @@ class Start:
                 rigid = {'contact': None} if self.plan.placed_outright else {}
                 spec = specs[name].model_copy(update=rigid)
                 rows = [i for i, row in enumerate(every.rows) if row == name]
-                targets[rows] = keys.kind_keys.seat(keys, spec, joint, loose, force, place)
+                targets[rows] = keys.kind_keys.seat(spec, joint, loose, force, place)
 
         if self.plan.scene.start == 'seated' and self.equations.system.gaps:
             pressed = self._pressing(start.q[:, None], start.v[:, None])

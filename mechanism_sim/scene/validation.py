@@ -113,6 +113,17 @@ def _turns_steadily(machine: Machine) -> bool:
     return turns and machine.drive.steady and not machine.rigid.torque_driven
 
 
+def turns_round(machine: Machine) -> bool:
+    """True if the main drive turns at constant speed, and can for a turn."""
+    if not _turns_steadily(machine):
+        return False
+    try:
+        _check_way(machine, machine.drive.period)
+    except InputError:
+        return False
+    return True
+
+
 def between_limits(machine: Machine) -> DriveRange | None:
     """The limits of a machine whose only drive, at constant speed, comes to one on either side.
 
@@ -123,13 +134,8 @@ def between_limits(machine: Machine) -> DriveRange | None:
     alone = len(machine.plan.laws) == 1 and not machine.rigid.torque_driven
     if machine.scene.duration or not alone or not (drive.steady and drive.start[1]):
         return None
-    if _turns_steadily(machine):
-        try:
-            _check_way(machine, drive.period)
-        except InputError:
-            pass
-        else:
-            return None
+    if turns_round(machine):
+        return None
     found = nominal.drive_range
     return found if found and math.isfinite(found.low) and math.isfinite(found.high) else None
 

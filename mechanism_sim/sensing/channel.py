@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import RunError, RunWarning
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, polynomials, silent
-from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, exact_sum
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, exact_sum, first_due
 from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.sensing.chain import Instrument, half_sine
 
@@ -315,7 +315,7 @@ class Sampler:
         """
         if not self._begun:
             first = float(motion.curve.start[0])
-            self._start, self._begun = math.ceil(first * self._rate) / self._rate, True
+            self._start, self._begun = first_due(first, self._rate) / self._rate, True
         triggers = self._passage.times(motion) if self._passage else []
         for trigger in triggers:
             yield from self._sample(trigger, ends=self._most is None)

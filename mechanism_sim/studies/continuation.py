@@ -186,13 +186,13 @@ class _Shooting:
         Newton's method keeps the derivatives of the other one while it converges fast enough.
         """
         rows, basis, before = (base.rows, base.basis, math.inf) if base else (None, None, 0.0)
-        by, struck = np.zeros(len(self.scale)), 0
+        by, impacts_before = np.zeros(len(self.scale)), 0
         try:
             for _ in range(_ROUNDS):
                 section = self.at(value)
                 wide = section.scale / self.scale
                 if base is None:
-                    state, end, struck = self._moved(state, value, by, struck)
+                    state, end, impacts_before = self._moved(state, value, by, impacts_before)
                 else:
                     state = section.start(section.displace(state, by))
                     end = section.map(state, self.period)[0]
@@ -235,7 +235,7 @@ class _Shooting:
         return None
 
     def _moved(
-        self, state: State, value: float, by: Array, struck: int
+        self, state: State, value: float, by: Array, impacts_before: int
     ) -> tuple[State, State, int]:
         """State after a step, the state a period later, and the number of impacts until then.
 
@@ -248,7 +248,7 @@ class _Shooting:
             new = section.start(section.displace(state, share * by))
             end, count, _ = section.map(new, self.period)
             found.append((new, end, count))
-            if count >= struck:
+            if count >= impacts_before:
                 return found[-1]
         return found[0]
 
@@ -324,7 +324,7 @@ class _Shooting:
     def gap_left(self, orbit: _Orbit, joint: str) -> float:
         """The least gap [m] of a joint within its flights, not at the impacts that end them."""
         name, k = f'gap.{joint}', self.machine(orbit.value).physics.clearances.index(joint)
-        struck = np.array([i.t for i in orbit.impacts if i.joint == joint])
+        impacts_before = np.array([i.t for i in orbit.impacts if i.joint == joint])
         least = math.inf
         for piece in orbit.pieces:
             curve = piece.motion.curve
@@ -332,7 +332,7 @@ class _Shooting:
             gap = piece.sample(t, name)[name]
             low = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
             low = low[~piece.motion.closed[low // 8, k]]
-            low = low[[not (np.abs(struck - t[i]) < 1e-9 * curve.end).any() for i in low]]
+            low = low[[not (np.abs(impacts_before - t[i]) < 1e-9 * curve.end).any() for i in low]]
             if len(low):
                 i = min(low, key=lambda i: gap[i])
                 found = scipy.optimize.minimize_scalar(

@@ -84,7 +84,10 @@ def read_goals(
         names = [goal.name for goal in goals]
         if len(set(names)) < len(names):
             raise InputError(f'{", ".join(names)}: every measure has one wanted value')
-    return (*wanted, *extremes, *map(_bound, listed(subject_to)))
+    bounds = (
+        read_bound(text, f"'{text}' cannot be read: write {_BOUND}") for text in listed(subject_to)
+    )
+    return (*wanted, *extremes, *bounds)
 
 
 def _wanted(text: str) -> Goal:
@@ -97,11 +100,16 @@ def _wanted(text: str) -> Goal:
     return Goal(both[0], EQUAL, both[2])
 
 
-def _bound(text: str) -> Goal:
-    """A constraint, with the measure on its left side; of two measures their difference."""
+def read_bound(text: str, refusal: str) -> Goal:
+    """A condition, with the measure on its left side; of two measures their difference.
+
+    Parameters
+    ----------
+    refusal : the sentence for a text that is none
+    """
     both = sides(text, *_SIGNS)
     if not both or not all(both):
-        raise InputError(f"'{text}' cannot be read: write {_BOUND}")
+        raise InputError(refusal)
     left, kind, right = both[0], _SIGNS[both[1]], both[2]
     if '(' not in left and ('(' in right or left[0] in '+-.0123456789'):
         left, kind, right = right, _TURNED[kind], left

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import copy
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -51,6 +50,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.build import rebuilt
 from mechanism_sim.studies.columns import PER_TURN
+from mechanism_sim.studies.goal import EQUAL, Goal, read_bound
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, compute
@@ -71,25 +71,6 @@ _SHORTEST = 2e-4  # of the cycles so far, in the last step
 _NEAR = 0.25  # of what a clearance may be off, within which the limit is reached
 _MOST_STEPS = 500
 _LATE, _TRIES = 0.02, 4  # of a step, by which the last may be late; so many are tried
-_CONDITION = re.compile(r'\s*(.+?)\s*([<>])\s*([^<>]+)')
-
-
-class Until(NamedTuple):
-    """Condition for the end of a life: a figure passes a limit."""
-
-    figure: str
-    above: bool
-    limit: str
-
-    @classmethod
-    def read(cls, text: str) -> Until:
-        """Condition of text such as ``clearance > 0.5 mm``."""
-        if not (found := _CONDITION.fullmatch(text)):
-            raise InputError(
-                f"--until '{text}': write a figure and its limit, as 'clearance > 0.5 mm' or "
-                "'rms(acceleration.rocker) > 50 rad/s^2'"
-            )
-        return cls(found[1], found[2] == '>', found[3].strip())
 
 
 @dataclass(frozen=True)
@@ -242,7 +223,7 @@ def life(
     machine = load_scene(scene)
     plan = LifePlan(cycles=float(cycles), **how)
     worn = _worn_bearings(machine, plan)
-    ends = Until.read(until) if until else None
+    ends = _end_of_life(until) if until else None
     asked = _asked(machine, worn, listed(measures), ends)
     content = machine.scene.to_document()
     print_of = strict_json.dumps([content, asked, plan.revolutions, plan.skip])
@@ -261,6 +242,18 @@ def _kept(
 ) -> AbstractContextManager[FinishedRows]:
     """Store of the rows of finished runs: a journal beside a table, or in memory only."""
     return Journal(Path(table), plan, restart, 'life') if table else nullcontext(FinishedRows())
+
+
+def _end_of_life(text: str) -> Goal:
+    """The condition that ends a life, such as ``clearance > 0.5 mm``."""
+    refusal = (
+        f"--until '{text}': write a figure and its limit, as 'clearance > 0.5 mm' or "
+        "'rms(acceleration.rocker) > 50 rad/s^2'"
+    )
+    found = read_bound(text, refusal)
+    if found.kind == EQUAL:
+        raise InputError(refusal)
+    return found
 
 
 def _worn_bearings(machine: Machine, plan: LifePlan) -> dict[str, Clearance]:
@@ -291,7 +284,7 @@ def _worn_bearings(machine: Machine, plan: LifePlan) -> dict[str, Clearance]:
 
 
 def _asked(
-    machine: Machine, worn: Mapping[str, Clearance], given: Sequence[str], ends: Until | None
+    machine: Machine, worn: Mapping[str, Clearance], given: Sequence[str], ends: Goal | None
 ) -> list[str]:
     """Texts of the measures of every stage."""
     forces = [f'largest(normal_force.{joint})' for joint in worn]
@@ -301,14 +294,14 @@ def _asked(
         if sensor.kind == 'accelerometer'
     ]
     asked = list(dict.fromkeys([*forces, *sensed, *machine.scene.measures.values(), *given]))
-    if ends and ends.figure.partition('.')[0] in OWN:
-        joint = ends.figure.partition('.')[2]
+    if ends and ends.name.partition('.')[0] in OWN:
+        joint = ends.name.partition('.')[2]
         if joint:
             check_known(
                 joint, worn, f"--until: '{joint}' is not a bearing that wears", 'known are'
             )
-    elif ends and ends.figure not in asked:
-        asked.append(ends.figure)
+    elif ends and ends.name not in asked:
+        asked.append(ends.name)
     return asked
 
 
@@ -506,37 +499,37 @@ def _clearances(runs: _Runs, depths: Mapping[str, Array]) -> Array:
 class _End:
     """The condition that ends a life, with its limit in SI units."""
 
-    until: Until
+    until: Goal
     limit: float
     chosen: tuple[int, ...]  #: numbers of the joints that it is about
 
     @classmethod
-    def of(cls, until: Until, runs: _Runs) -> _End:
-        name, _, joint = until.figure.partition('.')
-        unit = OWN.get(name) or runs.units[until.figure]
+    def of(cls, until: Goal, runs: _Runs) -> _End:
+        name, _, joint = until.name.partition('.')
+        unit = OWN.get(name) or runs.units[until.name]
         try:
-            limit = to_si_like(until.limit, unit)
+            limit = to_si_like(until.wanted, unit)
         except ValueError as error:
-            raise InputError(f'--until: the limit {until.limit} {error}') from error
+            raise InputError(f'--until: the limit {until.wanted} {error}') from error
         chosen = tuple(k for k, j in enumerate(runs.worn) if name not in OWN or joint in ('', j))
         return cls(until, limit, chosen)
 
     @property
     def own(self) -> bool:
         """True if it is about the bearings, not about the motion."""
-        return self.until.figure.partition('.')[0] in OWN
+        return self.until.name.partition('.')[0] in OWN
 
     def past(self, stage: LifeStage) -> float:
         """Amount by which a stage exceeds the limit; negative before it."""
-        name = self.until.figure.partition('.')[0]
+        name = self.until.name.partition('.')[0]
         depths = [*stage.depths.values()]
         if name == 'clearance':
             value = max(float(stage.clearance[k]) for k in self.chosen)
         elif name == 'depth':
             value = max(float(depths[k].max()) for k in self.chosen)
         else:
-            value = stage.figures[self.until.figure]
-        return value - self.limit if self.until.above else self.limit - value
+            value = stage.figures[self.until.name]
+        return -self.until.sign * (value - self.limit)
 
     def ahead(self, runs: _Runs, now: LifeStage, rates: _Rates) -> float:
         """Cycles to the limit at the present rates, where they are known."""
@@ -580,7 +573,7 @@ class _Step(NamedTuple):
     next: float
 
 
-def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tuple[LifeStage, ...]]:
+def _follow(runs: _Runs, until: Goal | None) -> tuple[float, float, float, tuple[LifeStage, ...]]:
     """The life with its interval, and the stages."""
     plan, end = runs.plan, _End.of(until, runs) if until else None
     depths = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,10 +10,11 @@ from typing import Any
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.facts import unit_at, value_at
+from mechanism_sim.scene.facts import value_at
 from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.load import unit_at
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import QuantityValue, parted
 
 OF_JOINT = ('restitution', 'friction', 'radial')
 NOISE = 'noise'
@@ -199,9 +199,9 @@ def _choices(
 def _written(limits: Any, values: Sequence[float]) -> tuple[str, float]:
     """The unit in which limits are written, and by what SI values are multiplied for it."""
     for limit, value in zip(limits, values, strict=True):
-        said = re.fullmatch(r'\s*((?>[-+]?[\d.]+(?:e[-+]?\d+)?))\s*(\S.*?)\s*', str(limit), re.I)
-        if said and value:
-            return said[2], float(said[1]) / value
+        number, unit = parted(str(limit)) or ('', '')
+        if unit and value:
+            return unit, float(number) / value
     return '', 1.0
 
 

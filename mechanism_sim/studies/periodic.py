@@ -137,10 +137,10 @@ class PoincareMap:
 
         Newton's method goes by way of states that nearly penetrate: those are not audited.
         """
-        struck = Totals()
+        totals = Totals()
         for piece in self.pieces(state, revolutions, audited):
-            struck.add(piece.impacts, piece.modes)
-        return self.state, struck.impacts, struck.normal_impulse
+            totals.add(piece.impacts, piece.modes)
+        return self.state, totals.impacts, totals.normal_impulse
 
     def pieces(self, state: State, turns: float, audited: bool = False) -> Iterator[Piece]:
         """The motion from a state at the start angle on; then `state` is where it ends."""

@@ -38,7 +38,7 @@ from mechanism_sim.scene.files import (
     find_file,
     read_yaml,
 )
-from mechanism_sim.scene.load import started_at
+from mechanism_sim.scene.load import started_at, unit_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.validation import validate_turning
 from mechanism_sim.studies import windows
@@ -491,15 +491,19 @@ def _units(columns: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
     """SI units of swept values as they are written, else of their keys, if all runs agree."""
     found: dict[str, str] = {}
     for column in columns:
-        units = set()
+        units, plain = set(), None
         for run in runs:
             try:
                 unit = to_si_text(run.given.get(column)).unit
             except ValueError:
                 unit = ''
             place, own = value_at(run.scene, column)
-            if unit or place is not None:  # of a joint without play nothing is known
+            if unit or own:
                 units.add(unit or own)
+            elif place is not None:  # of a joint without play nothing is known
+                plain = plain or run.scene
+        if plain and not units:
+            units.add(unit_at(plain, column))
         if len(units) == 1 and (unit := units.pop()):
             found[column] = unit
     return found

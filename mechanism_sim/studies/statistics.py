@@ -65,11 +65,11 @@ class StatisticsAccumulator:
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
         motion, impacts = piece.motion, piece.impacts
-        struck = self._intervals([i.t for i in impacts])
-        np.add.at(self.table[:, 0], struck, 1.0)
-        np.add.at(self.table[:, 1], struck, [i.normal_impulse for i in impacts])
+        intervals = self._intervals([i.t for i in impacts])
+        np.add.at(self.table[:, 0], intervals, 1.0)
+        np.add.at(self.table[:, 1], intervals, [i.normal_impulse for i in impacts])
         # that of a touch is part of what its steps lose
-        np.add.at(self.table[:, 4], struck, [i.sudden_loss for i in impacts])
+        np.add.at(self.table[:, 4], intervals, [i.sudden_loss for i in impacts])
         lost = [c.t for c in piece.modes if is_loss(c)]
         np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
         curve, lost_in = motion.curve, piece.balance.work.friction

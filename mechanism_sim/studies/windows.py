@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, check_known
+from mechanism_sim.numerics.polynomials import first_due
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Block
@@ -32,9 +32,9 @@ def check(windows: WindowsPart, machine: Machine, since: float, end: float) -> N
         if sensor.trigger is None:
             rate = sensor.sample_rate
             # jitter may throw the last sample out of the run
-            samples = math.ceil(end * rate) - bool(sensor.adc.jitter)
+            samples = first_due(end, rate) - bool(sensor.adc.jitter)
             count = (samples - windows.samples) // windows.hop + 1
-            count -= math.ceil(since * rate / windows.hop)
+            count -= -(-first_due(since, rate) // windows.hop)
             if count < wanted:
                 raise InputError(
                     f"windows: sensor '{name}' gives {max(count, 0)} of {windows.samples} "

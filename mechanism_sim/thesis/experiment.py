@@ -613,25 +613,21 @@ def read_experiment(
         found = trial(bag, skip, ideals)
         here = groups.setdefault(found.condition, [])
         for other in here:
-            _check_start(found, other)
+            # runs of a condition differ in their start, and only in it
+            if found.machine.fingerprint == other.machine.fingerprint:
+                raise InputError(
+                    f'{bag}: the machine, its condition ({found.condition}) and its start are '
+                    f'those of {other.bag}, too'
+                )
+            anywhere = [started_at(x.machine, 0.0).fingerprint for x in (found, other)]
+            if anywhere[0] != anywhere[1]:
+                raise InputError(
+                    f'{bag}: speed, clearance and bearing are those of {other.bag} '
+                    f'({found.condition}), but the machines differ in more than the angle of the '
+                    'crank at the start: they are not runs of one experiment'
+                )
         # curves are drawn of the first start only
         here.append(replace(found, swings={}) if here else found)
         if show:
             show(n, 0)
     return Experiment([Repeats(found) for found in groups.values()])
-
-
-def _check_start(one: Trial, other: Trial) -> None:
-    """Raise InputError unless two runs of a condition differ in their start, and only in it."""
-    if one.machine.fingerprint == other.machine.fingerprint:
-        raise InputError(
-            f'{one.bag}: the machine, its condition ({one.condition}) and its start are those of '
-            f'{other.bag}, too'
-        )
-    anywhere = [started_at(x.machine, 0.0).fingerprint for x in (one, other)]
-    if anywhere[0] != anywhere[1]:
-        raise InputError(
-            f'{one.bag}: speed, clearance and bearing are those of {other.bag} '
-            f'({one.condition}), but the machines differ in more than the angle of the crank at '
-            'the start: they are not runs of one experiment'
-        )

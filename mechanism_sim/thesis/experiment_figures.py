@@ -61,7 +61,12 @@ def charts(found: Experiment) -> Iterator[Chart]:
 
 def _numbered(found: Experiment) -> Iterator[tuple[str, Chart]]:
     reference, speeds, clearances = found.reference.first, found.speeds, found.clearances
-    yield '7_08', _spectrum(reference)
+    density = power([reference.swings['coupler'].reading], reference.sample_rate)
+    curve = ChartCurve(density.frequency[1:], density.values[1:])
+    x = Axis('frequency', 'Hz', 0.0, float(density.frequency[-1]))
+    panel = Panel(x, Axis('power density', '(m/s^2)^2/Hz', log=True), (curve,))
+    title = f'sensor on the coupler, {reference.condition}'
+    yield '7_08', Chart('7_08', title, (panel,), 'frequency')
     places = {place: group.first for place, group in found.measured.items()}
     for number, link, speed in zip(
         ('7_09', '7_12', '7_13', '7_14'),
@@ -113,15 +118,6 @@ def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
     chosen = slice(*np.searchsorted(angle, [begin, begin + 360.0]))
     travelled = angle[chosen] - begin
     return chosen, travelled if sense > 0.0 else 360.0 - travelled
-
-
-def _spectrum(trial: Trial) -> Chart:
-    """[SB] 7.8."""
-    found = power([trial.swings['coupler'].reading], trial.sample_rate)
-    curve = ChartCurve(found.frequency[1:], found.values[1:])
-    x = Axis('frequency', 'Hz', 0.0, float(found.frequency[-1]))
-    panel = Panel(x, Axis('power density', '(m/s^2)^2/Hz', log=True), (curve,))
-    return Chart('7_08', f'sensor on the coupler, {trial.condition}', (panel,), 'frequency')
 
 
 def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Chart:

@@ -19,7 +19,6 @@ from mechanism_sim.strict_json import plain
 from mechanism_sim.thesis.claims import (
     UNDECIDED,
     Claim,
-    Comparison,
     claims,
     spans_of_turns,
 )
@@ -93,9 +92,17 @@ def render(found: Experiment) -> str:
 
 def summary(found: Experiment) -> str:
     """Summary of the runs, of those that are compared, and of the reasons."""
+    counts = sorted({len(group.trials) for group in found.groups})
+    if counts == [1]:
+        starts = (
+            'batches of turns: each condition has one start, so there is none of other figures'
+        )
+    else:
+        alone = ', that of impacts of a single start over its turns' if counts[0] == 1 else ''
+        starts = f'{" or ".join(map(str, counts))} starts{alone}'
     lines = [
         f'{len(found.trials)} runs of {len(found.groups)} conditions; '
-        f'"+-" is the {100.0 * CONFIDENCE:g} % confidence interval of means over {_starts(found)}',
+        f'"+-" is the {100.0 * CONFIDENCE:g} % confidence interval of means over {starts}',
         f'measured is the bearing that most of the runs have, {found.counted[found.bearing]} of '
         f'{len(found.trials)}: {found.bearing}',
         f'it is compared at {found.reference.condition.place}: {_WHY_REFERENCE} '
@@ -120,14 +127,6 @@ _WHY_ASSUMED = (
     'of the bearings run there the nearest to what [SB] assumes: dry, the least friction, then '
     'the highest restitution'
 )
-
-
-def _starts(found: Experiment) -> str:
-    counts = sorted({len(group.trials) for group in found.groups})
-    if counts == [1]:
-        return 'batches of turns: each condition has one start, so there is none of other figures'
-    alone = ', that of impacts of a single start over its turns' if counts[0] == 1 else ''
-    return f'{" or ".join(map(str, counts))} starts{alone}'
 
 
 def _bags(group: Repeats) -> str:
@@ -166,13 +165,6 @@ def _place(c: Condition) -> tuple[str, str]:
     return rpm(c.speed), mm(c.radial)
 
 
-def _bearing(group: Repeats) -> tuple[str, str, str]:
-    b = group.condition.bearing
-    if b.viscosity:
-        return '', '', f'{1e3 * b.viscosity:.4g}'
-    return f'{b.restitution:g}', f'{b.friction:g}', ''
-
-
 def _severity(found: Experiment) -> ExperimentTable:
     rows = [
         (
@@ -205,7 +197,12 @@ def _bearings(found: Experiment) -> ExperimentTable:
             *zip(*(x.by_mesh for x in late), strict=True),
         ]
         cells = [figure(Interval.over(column)) for column in columns]
-        rows.append((*_bearing(group), *cells, figure(found.alpha(group))))
+        b = group.condition.bearing
+        if b.viscosity:
+            bearing = '', '', f'{1e3 * b.viscosity:.4g}'
+        else:
+            bearing = f'{b.restitution:g}', f'{b.friction:g}', ''
+        rows.append((*bearing, *cells, figure(found.alpha(group))))
     meshes = [f'over {mesh:g} deg' for mesh in MESHES]
     heads = (
         'restitution', 'friction', 'oil [mPa s]', 'at first: shown', *meshes,
@@ -285,23 +282,19 @@ def _course(found: Experiment) -> ExperimentTable:
 
 
 def _claims(found: Experiment) -> ExperimentTable:
-    rows = [
-        (claim.text, claim.figure, claim.verdict, '; '.join(_evidence(claim)))
-        for claim in claims(found)
-    ]
+    rows = []
+    for claim in claims(found):
+        evidence = []
+        for c in claim.comparisons:
+            values = (
+                f'{figure(x, claim.scale)} at {end}'
+                for x, end in zip((c.before, c.after), c.ends, strict=True)
+            )
+            seen = f': {c.found}' if len(claim.comparisons) > 1 or c.found == UNDECIDED else ''
+            evidence.append((f'{c.where}, ' if c.where else '') + ', '.join(values) + seen)
+        rows.append((claim.text, claim.figure, claim.verdict, '; '.join(evidence)))
     title = 'What [SB] concludes, by intervals that do not overlap'
     return ExperimentTable('claims', title, ('[SB]', 'judged by', 'here', 'figures'), rows)
-
-
-def _evidence(claim: Claim) -> Iterator[str]:
-    for c in claim.comparisons:
-        values = (
-            f'{figure(x, claim.scale)} at {end}'
-            for x, end in zip((c.before, c.after), c.ends, strict=True)
-        )
-        text = ', '.join(values)
-        found = f': {c.found}' if len(claim.comparisons) > 1 or c.found == UNDECIDED else ''
-        yield (f'{c.where}, ' if c.where else '') + text + found
 
 
 def _other_places(found: Experiment) -> Iterator[ExperimentTable]:
@@ -396,7 +389,18 @@ def to_json(found: Experiment) -> dict[str, object]:
         'alpha_by_order': [_interval(x) for x in found.orders or ()],
         'reference': _compared(found.reference, _WHY_REFERENCE),
         'assumed': _compared(found.assumed, _WHY_ASSUMED),
-        'conditions': [_repeats(group) for group in found.groups],
+        'conditions': [
+            {
+                **_flat(group.condition),
+                'bags': [x.bag.name for x in group.trials],
+                'starts': [x.start for x in group.trials],
+                'impacts': {
+                    name: _interval(group.impacts(name)) for name in ('count', 'impulse', 'I_n')
+                },
+                'deviation': {link: _interval(group.shown(link)) for link in LINKS},
+            }
+            for group in found.groups
+        ],
         'claims': [] if alone and len(found.measured) < 2 else [_claim(c) for c in claims(found)],
         'limits': [
             {
@@ -406,7 +410,26 @@ def to_json(found: Experiment) -> dict[str, object]:
             }
             for (limit, condition), errors in (found.limits or {}).items()
         ],
-        'trials': [_trial(trial) for trial in found.trials],
+        'trials': [
+            {
+                'bag': trial.bag.name,
+                **_flat(trial.condition),
+                'start': trial.start,
+                'turns': list(trial.turns),
+                'turns_at_first': list(trial.at_first),
+                'overloads': trial.overloads,
+                'impacts': {
+                    name: dict(zip(('mean', 'half_width', 'deviation'), plain(mean), strict=True))
+                    for name, mean in trial.impacts.means.items()
+                },
+                'deviation': {link: x._asdict() for link, x in trial.severity.items()},
+                'deviation_at_first': {
+                    link: x._asdict() for link, x in trial.severity_at_first.items()
+                },
+                'errors': _error_rows(trial.errors),
+            }
+            for trial in found.trials
+        ],
     }
 
 
@@ -430,53 +453,23 @@ def _compared(group: Repeats, why: str) -> dict[str, object]:
     }
 
 
-def _repeats(group: Repeats) -> dict[str, object]:
-    """A condition: means over its starts."""
-    return {
-        **_flat(group.condition),
-        'bags': [x.bag.name for x in group.trials],
-        'starts': [x.start for x in group.trials],
-        'impacts': {name: _interval(group.impacts(name)) for name in ('count', 'impulse', 'I_n')},
-        'deviation': {link: _interval(group.shown(link)) for link in LINKS},
-    }
-
-
 def _claim(claim: Claim) -> dict[str, object]:
     return {
         'text': claim.text,
         'judged_by': claim.figure,
         'verdict': claim.verdict,
-        'comparisons': [_comparison(c) for c in claim.comparisons],
-    }
-
-
-def _comparison(c: Comparison) -> dict[str, object]:
-    return {
-        'where': c.where,
-        'from': c.ends[0],
-        'to': c.ends[1],
-        'expected': c.expected or None,
-        'found': c.found,
-        'before': _interval(c.before),
-        'after': _interval(c.after),
-    }
-
-
-def _trial(trial: Trial) -> dict[str, object]:
-    return {
-        'bag': trial.bag.name,
-        **_flat(trial.condition),
-        'start': trial.start,
-        'turns': list(trial.turns),
-        'turns_at_first': list(trial.at_first),
-        'overloads': trial.overloads,
-        'impacts': {
-            name: dict(zip(('mean', 'half_width', 'deviation'), plain(mean), strict=True))
-            for name, mean in trial.impacts.means.items()
-        },
-        'deviation': {link: x._asdict() for link, x in trial.severity.items()},
-        'deviation_at_first': {link: x._asdict() for link, x in trial.severity_at_first.items()},
-        'errors': _error_rows(trial.errors),
+        'comparisons': [
+            {
+                'where': c.where,
+                'from': c.ends[0],
+                'to': c.ends[1],
+                'expected': c.expected or None,
+                'found': c.found,
+                'before': _interval(c.before),
+                'after': _interval(c.after),
+            }
+            for c in claim.comparisons
+        ],
     }
 
 

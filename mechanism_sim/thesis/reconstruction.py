@@ -178,7 +178,16 @@ def band_pass(low: float, high: float, edge: float = 0.0) -> Weight:
     ----------
     edge : [Hz] width, outside of the band, of edges that fall as half a cosine; 0: abruptly
     """
-    return lambda f: _inside(f, (low, high), edge)
+
+    def weight(f: Array) -> Array:
+        # a limit belongs to the band but for rounding
+        outside = np.maximum(np.maximum(low - f, f - high), 0.0)
+        outside[outside <= 1e-9 * np.abs(f).max(initial=0.0)] = 0.0
+        if edge <= 0.0:
+            return np.asarray(outside == 0.0, np.float64)
+        return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.minimum(outside / edge, 1.0)))
+
+    return weight
 
 
 def invert(transfer: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]) -> Weight:
@@ -198,16 +207,6 @@ def invert(transfer: Callable[[NDArray[np.complex128]], NDArray[np.complex128]])
 def both(*weights: Weight) -> Weight:
     """The product of weights."""
     return lambda f: np.asarray(math.prod(weight(f) for weight in weights))
-
-
-def _inside(f: Array, band: _Band, edge: float) -> Array:
-    """1 in the band, falling to 0 within `edge` of it; a limit belongs to it but for rounding."""
-    low, high = band
-    outside = np.maximum(np.maximum(low - f, f - high), 0.0)
-    outside[outside <= 1e-9 * np.abs(f).max(initial=0.0)] = 0.0
-    if edge <= 0.0:
-        return np.asarray(outside == 0.0, np.float64)
-    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.minimum(outside / edge, 1.0)))
 
 
 def fade(samples: Array, sample_rate: float, weight: Weight, length: int | None = None) -> Array:

@@ -62,13 +62,32 @@ class WholeMachine:
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force and moment."""
         q, v, a = (x.T for x in motion.curve.locals(segments, dt, (0, 1, 2)))
+        seen = self._physics.observe(motion, segments, dt) if self._force.unknown else None
+        return self.along(motion, segments, dt, (q, v, a), seen.load if seen else None)
+
+    def along(
+        self,
+        motion: Motion,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+        trajectory: tuple[Array, Array, Array],
+        sizes: Array | None,
+        static: bool = False,
+    ) -> Array:
+        """Force and moment along coordinates, rates and accelerations (n, N) that are known.
+
+        Parameters
+        ----------
+        sizes, static : as for `ShakingForce`
+        """
         curve, states = motion.curve, motion.state_curve
         known = rows(self._force.edges, self._coordinates, curve, segments, dt, states)
         if known is not None:
             for name, part in self._physics.switch_parts(motion, segments, dt).items():
                 if name in self._force.flags:
                     known[self._force.flags[name]] = part
-        return self._force(q, v, a, self._outside(motion, segments, dt), known)
+        outer = self._outside(motion, segments, dt)
+        return self._force(trajectory, outer, known, sizes, static)
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
         """Impulse and its moment."""

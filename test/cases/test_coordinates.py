@@ -199,6 +199,36 @@ def test_pictures_of_a_machine_between_limits():
         instant(machine, math.radians(31.0), still=True)
 
 
+def test_a_cycle_of_a_crank_that_cannot_turn_round_is_as_long_as_the_scene_says():
+    """A turn of it ended in NaN; drawings of it, and of what slides, have the drive's position."""
+    lengths = {'ground': 0.1, 'crank': 0.18, 'coupler': 0.28, 'rocker': 0.19}
+    machine = ms.load_scene({
+        'mechanism': 'four_bar', 'duration': '6 s',
+        'links': {name: {'length': x} for name, x in lengths.items()},
+        'drive': {'speed': '10 deg/s', 'start_angle': '45 deg'},
+    })  # fmt: skip
+    found = cycle(machine, samples=10)
+    assert np.degrees(found['position.crank'][[0, -1]]) == pytest.approx([45.0, 105.0], abs=1e-9)
+    for still in (True, False):
+        found, t = instant(machine, '60 deg', still=still)
+        at = found.at(np.array([t]), ['position.crank']).popitem()[1][0]
+        assert math.degrees(at) == pytest.approx(60.0, abs=1e-9)
+    assert instant(machine, '45 deg')[1] == 0.0
+    assert instant(machine, '105 deg')[1] == pytest.approx(6.0, abs=1e-9)
+    with pytest.raises(InputError, match=r'crank goes from 45 to 105 deg in 6 s'):
+        instant(machine, '10 deg')
+    found, t = instant(ms.load_scene('loader'), '0.8 m')
+    at = found.at(np.array([t]), ['position.lift_rod']).popitem()[1][0]
+    assert at == pytest.approx(0.8, abs=1e-12)
+
+
+def test_a_drawing_of_a_drive_that_swings_is_that_of_its_first_time_at_an_angle():
+    drive = {'coordinate': 'crank', 'position': '90 deg + 30 deg*sin(2*t)'}
+    machine = ms.load_scene('windshield_wiper', {'drive': drive})
+    _, t = instant(machine, '105 deg', duration=4.0)
+    assert t == pytest.approx(math.asin(0.5) / 2.0, abs=1e-9)
+
+
 def test_a_machine_with_clearance_between_limits_is_checked_drawn_and_run_within_them():
     """The limits are those of its links without clearance; a run beyond them is refused."""
     scene = scene_of('double_rocker')

@@ -9,6 +9,7 @@ import socket
 import pytest
 from running import run, run_json
 
+from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.server import HOST, PORT, Server
 from mechanism_sim.report import progress
@@ -30,6 +31,32 @@ def test_durations_have_units(command, tmp_path, monkeypatch):
     assert refused.returncode == 2
     assert "'20 mm' has the unit 'mm', which is not a unit of 's'" in refused.stderr
     assert refused.stderr.count('\n') == 1
+
+
+@pytest.mark.parametrize('value', ['5 kg', 'nan', 'inf', '1_0'])
+@pytest.mark.parametrize(
+    'command',
+    [
+        ('bag', 'play', 'run.mcap', '--from'),
+        ('bag', 'play', 'run.mcap', '--delay'),
+        ('animate', 'slider_crank', '--fps'),
+        ('solve', 'slider_crank', '--duration'),
+    ],
+)
+def test_times_and_rates_are_read_alike(command, value, capsys):
+    """They have units or none, and are finite numbers: it is said of which option."""
+    with pytest.raises(SystemExit) as end:
+        main([*command, value])
+    assert end.value.code == 2
+    assert f"{command[-1]}: '{value}' " in capsys.readouterr().err
+
+
+def test_a_bag_is_played_from_a_time_with_its_unit_on(capsys):
+    """It is looked for only after its options are read."""
+    with pytest.raises(SystemExit) as end:
+        main(['bag', 'play', 'none.mcap', '--from', '50 ms', '--delay', '1 ms'])
+    assert end.value.code == 2
+    assert 'none.mcap does not exist' in capsys.readouterr().err
 
 
 def test_a_time_with_a_unit_is_that_number_of_seconds():

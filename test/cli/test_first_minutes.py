@@ -42,8 +42,9 @@ def test_alone_it_says_what_to_do_next_with_commands_that_exist(tmp_path, monkey
 def test_the_help_names_every_command_once_by_purpose():
     text = run('--help').stdout
     grouped = [name for names in GROUPS.values() for name in names]
+    assert len(grouped) <= 24, 'too many commands: make the new one an option of another'
     for name in make_parser().commands().choices.keys() - {*UNLISTED}:
-        assert grouped.count(name) == 1
+        assert grouped.count(name) == 1, f'{name} must be once in GROUPS of cli/overview.py'
         assert len(re.findall(rf'^  {name} +\S', text, re.MULTILINE)) == 1
     assert re.fullmatch(r'mechanism-sim \d+\.\d+\S*\n', run('--version').stdout)
 

@@ -148,6 +148,7 @@ BAD = {
 def test_every_command_is_tried():
     commands = set(make_parser().leaves()) - {'node'}  # which has no --json
     tried = {name.partition(' -')[0] for name in GOOD}  # some by several of their options
+    assert not commands - tried - ONLY_BAD, 'add these to GOOD, with arguments'
     assert commands == tried | ONLY_BAD
     assert set(GOOD) | ONLY_BAD == set(BAD)
 

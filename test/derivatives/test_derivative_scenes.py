@@ -185,6 +185,7 @@ def test_energies_count_impacts_as_they_move() -> None:
         ('four_bar_clearance', 'links.coupler', "several values.*as 'links.coupler.length'"),
         ('pendulum', 'gravity', "holds several values: give the path of a number, as 'gravity.0'"),
         ('gear_pair', 'gears.pinion.teeth', 'is a whole number'),
+        ('punch', 'loads.work.force', 'is no number'),  # but a formula
         ('gear_pair', 'gears.pinion.module', 'pinion and wheel do not mesh'),
     ],
 )
@@ -195,8 +196,10 @@ def test_paths_without_a_derivative_are_refused(scene: str, path: str, words: st
 
 def test_numbers_of_lists_have_derivatives() -> None:
     """Of a pendulum let go: its angle goes by ``-m g s cos(q) t^2/(2 I)``."""
-    run = ms.simulate('pendulum', duration=0.01, derivatives=['gravity.1'])
-    slope = run.derivatives['gravity.1'].final['bar']['position']
+    paths = ['gravity.y', 'gravity.1']
+    run = ms.simulate('pendulum', duration=0.01, derivatives=paths)
+    slope, same = (run.derivatives[path].final['bar']['position'] for path in paths)
+    assert slope == same
     inertia = 0.1 + 1.2 * 0.5**2
     wanted = 1.2 * 0.5 * np.cos(np.radians(-30.0)) / inertia * 0.5 * 0.01**2
     assert slope == pytest.approx(wanted, rel=1e-3)

@@ -42,6 +42,8 @@ def written(folder: Path, text: str) -> str:
 def test_every_scene_is_once_in_the_gallery_with_its_picture():
     text = gallery.gallery()
     listed = [name for names in gallery.SECTIONS.values() for name in names]
+    missing = {*ms.scene_names()} - {*listed}
+    assert not missing, 'add these to docs/site/mechanisms.py, then python docs/gallery.py NAME'
     assert sorted(listed) == ms.scene_names()
     assert set(gallery.FREEDOMS) <= set(listed)
     for name in listed:

@@ -165,6 +165,21 @@ def test_what_is_not_saved_is_kept_and_given_back(tmp_path, monkeypatch):
     assert 'cannot be kept' in recovery.keep(document)
 
 
+@pytest.mark.parametrize('more', ['', 'title: more\n'])
+def test_what_is_saved_under_another_name_is_not_given_back(more, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    document, recovery = Document.open('geneva'), UnsavedEdits()
+    document.replace('title: mine\n')
+    recovery.keep(document)
+    document.save('mine.yaml')
+    if more:
+        document.replace(more)
+    recovery.keep(document)
+    assert [*tmp_path.glob('.geneva*')] == []
+    assert UnsavedEdits().give_back(Document.open('geneva')) == ('', '')
+    assert bool([*tmp_path.glob('.mine*')]) == bool(more)
+
+
 def test_unsaved_changes_of_a_file_that_another_program_changed_are_put_aside(
     tmp_path, monkeypatch
 ):

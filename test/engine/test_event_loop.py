@@ -202,6 +202,14 @@ def test_a_law_that_jumps_in_speed_is_refused_when_it_takes_over():
     assert run.time == pytest.approx(0.03, abs=1e-3)
 
 
+def test_a_jump_is_refused_of_an_ideal_linkage_too():
+    """Whose motion follows from its drives alone: its laws are those of any run."""
+    run = ms.load_scene('slider_crank').start()
+    run.change_law(DriveLaw('crank', (0.5, 20.0), 0.03, 0.03))
+    with pytest.raises(RunError, match=r'valid from 0.03 s jumps in angle or speed'):
+        run.advance(0.1, final=True)
+
+
 def test_a_ramp_of_the_drive_keeps_its_books():
     """Law of degree 2 from 0.03 s to 0.05 s between two constant speeds."""
     t1, t2, a = 0.03, 0.05, 400.0

@@ -26,6 +26,8 @@ def differences(part: str, name: str, new: object) -> str:
 
 
 def test_the_record_is_of_all_scenes_and_commands():
+    missing = {*net.scene_names()} - RECORD['scenes'].keys()
+    assert not missing, f'python test/net.py {" ".join(sorted(missing))} --write'
     assert sorted(RECORD['scenes']) == net.scene_names()
     assert RECORD['commands'].keys() == LINES.keys()
     assert RECORD['topics'].keys() == {net.IDEAL, net.LOOSE, net.FREE}
@@ -57,6 +59,9 @@ def test_a_changed_figure_or_key_is_seen():
     assert net.differences('x', old, lost, same_bits=False) == ['x.level: lost']
     assert net.differences('x', old, {**old, 'digest': ''}, same_bits=False) == []
     assert len(net.differences('x', old, {**old, 'digest': ''}, same_bits=True)) == 1
+    elsewhere = {**old, 'digest': None, 'steps': 0}  # entered on another processor
+    assert net.compare('scenes', 'x', elsewhere, old, same_bits=True) == []
+    assert net.compare('scenes', 'x', elsewhere, moved, same_bits=True)
 
 
 def test_figures_behind_many_impacts_are_compared_on_one_processor_only():

@@ -75,7 +75,7 @@ def test_titles_are_noun_phrases_or_imperatives(words):
         for number, line in enumerate(path.read_text(encoding='utf-8').splitlines(), 1)
         if line.strip().removeprefix('r').startswith(f'"""{words} ')
     ]
-    assert found == []
+    assert not found, f"begin them otherwise than with '{words}'"
 
 
 def test_titles_have_their_subject():

@@ -467,9 +467,36 @@ def test_an_output_that_is_full_is_said(network, words, code, said):
     assert (done.returncode, done.stderr) == (code, f'zros: {said}\n')
 
 
-def test_a_bag_is_not_played_backwards():
-    done = run('bag', 'play', 'x.mcap', '--rate', '-1', refused=True)
-    assert (done.returncode, '--rate' in done.stderr) == (2, True)
+@pytest.mark.parametrize('words', ['--rate -1', '--rate nan', '--delay inf', '--delay 1e300'])
+def test_a_bag_is_played_neither_backwards_nor_never(words):
+    done = run('bag', 'play', 'x.mcap', *words.split(), refused=True)
+    said = f'mechanism-sim: {words.replace("1e300", "1e+300")}: from 0 to 1e+09\n'
+    assert (done.returncode, done.stderr) == (2, said)
+
+
+@pytest.mark.parametrize(
+    ('rate', 'times'), [(10.0, [0.0, 0.1, 0.2, 0.7, 0.8]), (1e-320, [0.0, 1e9, 2e9, 3e9, 4e9])]
+)
+def test_messages_come_at_the_rate_asked_for_whatever_publishing_takes(rate, times, monkeypatch):
+    """It takes 30 ms here, and once half a second: what is late then is not made up."""
+    clock, sent = SimpleNamespace(now=0.0, monotonic=lambda: clock.now), []
+
+    def sleep(seconds):
+        clock.now += seconds
+
+    def publish(_):
+        sent.append(clock.now)
+        clock.now += 0.5 if len(sent) == 3 else 0.03
+
+    clock.sleep = sleep
+    publisher = SimpleNamespace(
+        publish=publish, get_subscription_count=lambda: 1, wait_for_all_acked=lambda _: True
+    )
+    node = SimpleNamespace(create_publisher=lambda *_: publisher)
+    monkeypatch.setattr('zenoh_rclpy.command_node.Node', lambda *_, **__: node)
+    monkeypatch.setattr('zenoh_rclpy.command_node.time', clock)
+    CommandNode().publish('/x', FLOAT, None, len(times), rate, lambda: None)
+    assert sent == pytest.approx(times, abs=0.6 if rate < 1.0 else 1e-9)
 
 
 def test_messages_of_a_package_are_found_without_importing_it():

@@ -146,7 +146,7 @@ def test_recorded_samples_are_those_of_the_solution(recorded):
         for name in ('position', 'velocity', 'acceleration'):
             published = np.array([getattr(m, name)[i] for m in states])
             expected = columns[f'{name}.{link}']
-            assert np.abs(published - expected).max() <= 1e-9 * np.abs(expected).max()
+            assert np.array_equal(published, expected), (link, name)
     work = np.array([m.drive_work for m in states])
     assert np.abs(work - columns['energy.drive_work']).max() < 1e-12
     total = columns['energy.kinetic'] + columns['energy.potential']

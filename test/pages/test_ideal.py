@@ -18,7 +18,6 @@ import mechanism_sim as ms
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import classify, crank_limits, crank_turns
 from mechanism_sim.pages import ideal
-from mechanism_sim.pages.ideal_sliders import SliderReader
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.plan import ScenePlan
 
@@ -94,9 +93,7 @@ class Page:
 
     def at(self, values: dict[str, float]):
         """Plan of the same machine by the engine."""
-        reader = SliderReader(self.machine, np.array([self.data['q']]).T)
-        content = self.machine.scene.to_document()
-        return ScenePlan(check_scene('page', content, reader._overrides(values)))
+        return ScenePlan(check_scene('page', self.machine.scene.to_document(), values))
 
 
 def off(page: Page, values: dict[str, float], seen: dict) -> list[float]:
@@ -217,6 +214,16 @@ def test_a_slider_that_cannot_be_is_said_in_a_sentence(slider, words, tmp_path):
     assert done.returncode == 2
     assert words in done.stderr
     assert not file.exists()
+
+
+@pytest.mark.parametrize('one', ['0', 'x'])
+def test_a_component_of_a_point_goes_by_its_letter_or_its_number(one, tmp_path):
+    """As in overrides, sweeps and searches."""
+    path = f'links.ground.points.pivot.{one}'
+    page = Page(tmp_path, 'five_bar', {path: ('200 mm', '300 mm')})
+    (slider,) = page.data['sliders']
+    assert (slider['path'], slider['value']) == (path, 250.0)
+    assert slider['change']
 
 
 def test_other_formats_have_no_sliders():

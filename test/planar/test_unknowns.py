@@ -15,6 +15,7 @@ from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene import scene_names
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
 from ros_interfaces.checks import objection
 
@@ -312,6 +313,19 @@ def test_the_frame_gets_what_a_load_between_it_and_a_link_does():
     inside = np.isfinite(outside['load.resistance'])
     difference = (braced['shaking_force.x'] - outside['shaking_force.x'])[inside]
     assert difference == pytest.approx(outside['load.resistance'][inside], rel=1e-9)
+
+
+def test_a_frame_on_springs_is_shaken_by_unknown_loads_too():
+    """As what is said of the shaking force itself, which counts them."""
+    mounts = {'left': {'at': [0.0, -0.1], 'stiffness': ['300 N/mm', '400 N/mm']},
+              'right': {'at': [0.3, -0.1], 'stiffness': ['300 N/mm', '400 N/mm']}}  # fmt: skip
+    frame = {'mass': 20.0, 'inertia': 0.6, 'cog': [0.1, 0.0], 'mounts': mounts}
+    machine = slider_crank(oscillators={'frame': frame})
+    run, t = ms.simulate(machine, duration=0.05), np.array([0.011, 0.023, 0.037])
+    shaken = run.sample(t, 'shaking_force.x', 'load.resistance')
+    assert np.abs(shaken['load.resistance']).min() > 0.1
+    force = forces_on(machine, 'frame').read(run.motion, *run.motion.curve.find(t))
+    np.testing.assert_allclose(force[0], shaken['shaking_force.x'], rtol=1e-9)
 
 
 def test_nodes_publish_the_sizes():

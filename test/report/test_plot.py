@@ -281,6 +281,17 @@ def test_bags_of_others_count_from_their_start(tmp_path):
     assert "has no scene with a quantity 'gap'; it has /wind.vector.x" in done.stderr
 
 
+def test_a_bag_of_one_instant_is_drawn_without_a_word(tmp_path):
+    file = tmp_path / 'others.mcap'
+    with file.open('wb') as stream:
+        writer = Writer(stream)
+        schema = writer.register_msgdef('std_msgs/msg/Float64', 'float64 data')
+        writer.write_message('/temperature', schema, {'data': 20.0}, 10**9, 10**9)
+        writer.finish()
+    done = run('plot', str(file), '/temperature.data', '-o', str(tmp_path / 'one.svg'))
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 def test_units_come_from_the_definitions():
     assert units('mechanism_sim/msg/LinkageState')['gaps'] == ('m',)
     assert units('mechanism_sim/msg/LinkageState')['position'] == ('rad', 'm')

@@ -96,7 +96,8 @@ def unlike(charts):
     """Charts of which no two have the same kinds of panels and curves."""
     shape = {
         tuple(
-            (p.form, len(p.struck) > 0, *((c.form, c.look) for c in p.curves)) for p in c.panels
+            (p.form, len(p.impact_times) > 0, *((c.form, c.look) for c in p.curves))
+            for p in c.panels
         ): c
         for c in charts
     }
@@ -209,10 +210,10 @@ def check_page(panel, curve, mine):
 def check_marks(panel, axes, layout, traces):
     struck = [a for a in axes.lines if a.get_gid() and a.get_gid().endswith('struck')]
     on_page = [t for t in traces if t['meta'][1] == 'struck']
-    assert len(struck) == len(on_page) == bool(len(panel.struck))
+    assert len(struck) == len(on_page) == bool(len(panel.impact_times))
     for line, trace in zip(struck, on_page, strict=True):
-        near(line.get_xdata(), panel.struck)
-        near(unpacked(trace['x']), panel.struck)
+        near(line.get_xdata(), panel.impact_times)
+        near(unpacked(trace['x']), panel.impact_times)
         assert line.get_color() == trace['marker']['line']['color'] == IMPACT
     for mark in panel.marks:
         name = 'y0' if mark.level else 'x0'

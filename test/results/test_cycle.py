@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import math
+import pickle
 import re
 
 import numpy as np
@@ -22,6 +23,7 @@ from mechanism_sim.report import cycle as report
 from mechanism_sim.report import figures, plots
 from mechanism_sim.results.cycle import measures_of
 from mechanism_sim.results.measure_accumulators import EXACT
+from mechanism_sim.scene.frame_forces import JointForces
 
 LINKS = ('crank', 'coupler', 'rocker')
 STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0  # sixth order
@@ -33,6 +35,15 @@ def nominal():
     return ms.cycle(
         ms.load_scene('four_bar_nominal'), points=['coupler.end', 'rocker.end'], local=True
     )
+
+
+def test_a_cycle_goes_over_the_names_of_its_table(nominal):
+    """It asked for the column 0."""
+    assert list(nominal) == list(nominal.table())
+    assert 'drive_torque' in nominal
+    assert 'drive_torqe' not in nominal
+    nominal.rms('drive_torque')
+    assert pickle.loads(pickle.dumps(nominal)).rms('drive_torque') == nominal.rms('drive_torque')
 
 
 def slope(function, t):
@@ -123,6 +134,24 @@ def shaken_as_momentum_says(cycle):
 
 def test_force_and_moment_on_the_frame_are_the_rates_of_momentum(nominal):
     shaken_as_momentum_says(nominal)
+
+
+def test_the_frame_feels_its_joints_and_its_drive(nominal):
+    """A second route: forces of inverse dynamics in the joints, and the torque of the drive."""
+    machine, motion, t = nominal.machine, nominal.solution.motion, nominal.t[5:-5:50]
+    found = nominal.at(t)
+    joints = JointForces(machine, ['ground_crank', 'rocker_ground'])
+    on_frame = joints.read(motion, *motion.curve.find(t))
+    on_frame[2] -= found['drive_torque']
+    for name, x in zip(('force.x', 'force.y', 'moment'), on_frame, strict=True):
+        np.testing.assert_allclose(found[f'shaking_{name}'], x, atol=1e-10)
+
+
+def test_steady_shafts_at_an_angle_shake_the_frame_by_their_loads_alone():
+    """The teeth press on bearings, whose forces are in no plane: the brake is all that is left."""
+    run = ms.simulate('bevel_pair', duration=0.02)
+    found = run.sample(np.linspace(0.0, 0.02, 5), 'shaking_moment', 'velocity.wheel')
+    np.testing.assert_allclose(found['shaking_moment'], -0.2 * found['velocity.wheel'], rtol=1e-9)
 
 
 def test_power_is_the_rate_of_energy(nominal):

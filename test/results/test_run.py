@@ -274,3 +274,15 @@ def test_a_column_that_is_none_is_answered_by_the_nearest():
         sample[f'positon.{link}']
     assert f"did you mean 'position.{link}'?" in str(refused.value)
     assert sample.get('positon') is None
+
+
+@pytest.mark.parametrize('name', ['four_bar_clearance', 'gear_rattle', 'whole_machine'])
+def test_no_bit_of_a_sample_depends_on_how_many_are_asked_for(name):
+    """Bags of one run, whose messages come in batches, are then alike, and like its solution."""
+    solution = ms.simulate(name, duration='0.1 s')
+    t = np.linspace(0.0, 0.1, 41)
+    together = solution.sample(t)
+    for each in (1, 3, 7):
+        parts = [solution.sample(t[k : k + each]) for k in range(0, len(t), each)]
+        for column, values in together.items():
+            assert np.array_equal(values, np.concatenate([p[column] for p in parts])), column

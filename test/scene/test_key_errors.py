@@ -151,6 +151,7 @@ CURVE = 'joints.contact.law.segments.0.curve'
     [
         ('rise_dwell_return', CURVE, 'simple_harmonic', "here that is 'harmonic';"),
         ('rise_dwell_return', CURVE, 'SHM', "here that is 'harmonic';"),
+        ('rise_dwell_return', CURVE, 'Bestehorn-Sinoide', "here that is 'cycloidal';"),
         ('rise_dwell_return', CURVE, 'parabolic', "here that is 'constant_acceleration';"),
         ('rise_dwell_return', CURVE, '3-4-5', "here that is 'polynomial_345';"),
         ('rise_dwell_return', CURVE, 345, "here that is 'polynomial_345';"),

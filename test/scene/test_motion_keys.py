@@ -101,8 +101,12 @@ def refusal(drive):
         ({'position': {'points': POINTS[:1]}}, ['drive.position.points', '2']),
         ({'position': {'points': [*POINTS[:2], ['2 s', '0 deg']], 'ends': 'rest',
                        'periodic': True}}, ["is periodic and has 'ends: rest': keep one"]),
+        ({'position': {'points': POINTS[:2], 'interpolation': 'linear', 'ends': 'rest'}},
+         ["drive.position has 'ends: rest', which applies to points with cubic or quintic"]),
+        ({'speed': {'points': [['0 s', '0 rpm'], ['1 s', '60 rpm']], 'ends': 'rest'}},
+         ["drive.speed has 'ends: rest', which applies to points with cubic or quintic"]),
     ],
-    ids=range(45),
+    ids=range(47),
 )  # fmt: skip
 def test_a_mistake_is_a_sentence(drive, said):
     text = refusal(drive)

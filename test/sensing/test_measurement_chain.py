@@ -422,6 +422,19 @@ def test_jitter_moves_the_samples_in_time():
     assert np.diff(found).min() > 0.0  # none overtakes another
 
 
+@pytest.mark.parametrize('k', [3, 7, 14, 28, 111])
+def test_a_record_that_begins_at_the_instant_of_a_sample_has_it(k):
+    """0.07 s times 100 Hz are more than 7 in floats."""
+    moved = motion(slope, np.array([k / 100.0, 2.0]))
+    later = channel(Instrument(100.0))
+    _, rest = moved.parts(1)
+    later.take(rest)
+    (block,) = later.blocks(final=True)
+    assert block.time == k / 100.0
+    whole = measure(Instrument(100.0), moved)
+    assert block.samples == pytest.approx(whole[k:], rel=1e-12)
+
+
 def test_the_steps_of_the_converter_leave_an_even_error():
     moved = motion(lambda t: 3.0 * np.sin(40.0 * t), np.linspace(0.0, 2.0, 81)[1:])
     found = measure(Instrument(10e3, adc=Converter(range=4.0, bits=10)), moved)

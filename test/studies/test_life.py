@@ -54,6 +54,16 @@ def test_a_bearing_that_wears_evenly_lasts_as_its_closed_form():
     assert not last.depths['axle'][1].any()
 
 
+def test_the_end_of_a_life_is_written_as_other_conditions():
+    """Either side first, with or without ``=``: those of ``--subject-to`` are."""
+    until = 1.02 * CLEARANCE
+    texts = f'clearance > {until} m', f'clearance >= {until} m', f'{until} m < clearance'
+    how = {'cycles': 1e12, 'revolutions': 2, 'skip': 1}
+    found = {ms.life(wheel(), text, **how).cycles for text in texts}
+    assert len(found) == 1
+    assert found.pop() > 0.0
+
+
 @pytest.mark.slow
 def test_halving_the_steps_changes_a_life_by_less_than_it_says(monkeypatch):
     """An unbalanced wheel, which wears on one side of its bushing."""

@@ -24,6 +24,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.studies.columns import FIGURES, own_columns
 from mechanism_sim.studies.journal import StudyInterrupted
+from mechanism_sim.studies.parameters import parameters
 from mechanism_sim.studies.plan import Extent, read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, compute
@@ -584,6 +585,23 @@ def test_values_with_one_of_several_units_are_numbers_too():
     found = ms.sweep({'scene': 'four_bar_nominal', 'revolutions': 1, 'grid': grid})
     assert [status == 'done' for status in found['status']] == [False, False, False, True]
     assert 'cannot make a full turn' in found['status'][1]
+
+
+@pytest.mark.parametrize(
+    ('scene', 'path', 'values', 'unit'),
+    [
+        ('slider_crank', 'drive.speed', [10, 20.5], 'rad/s'),
+        ('slider_crank', 'drive.speed', [0, '60 rpm'], 'rad/s'),
+        ('loader', 'drives.lift_rod.speed', [0.1, 0.2], 'm/s'),
+        ('mass_on_spring', 'initial.position.mass', [0.1, 0.2], 'm'),
+    ],
+)
+def test_plain_numbers_have_the_unit_that_their_place_takes(scene, path, values, unit):
+    """350 of a speed is 350 rad/s, which the table did not say."""
+    found = ms.sweep({'scene': scene, 'duration': '0.1 s', 'grid': {path: values}})
+    assert found.units[path] == unit
+    (one,) = parameters(ms.load_scene(scene), [path], '', None, limits={path: (0.1, 0.2)})
+    assert one.si == unit
 
 
 TOP = 'highest(velocity.piston)'

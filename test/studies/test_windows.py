@@ -28,7 +28,7 @@ from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.schema import WindowsPart
 from mechanism_sim.studies.sweep import run_plan
-from mechanism_sim.studies.windows import Cutter
+from mechanism_sim.studies.windows import Cutter, check
 
 SENSOR = 'sensors.rocker_accelerometer'
 SWEEP = f"""
@@ -248,6 +248,21 @@ def test_windows_are_samples_of_the_channel_and_float32_is_the_same_rounded(tmp_
         signal = np.concatenate([block.samples for block in channel.blocks(final=True)])
         first = round(row['start'] * 10000.0)
         assert np.array_equal(row['signal'], signal[first : first + 256])
+
+
+def test_a_run_is_not_refused_that_gives_just_as_many_windows_as_are_wanted():
+    """0.07 s times 100 Hz are more than 7 in floats: windows may begin with sample 7 all the same.
+
+    Of 20 samples those at 7 to 12 begin windows of 8.
+    """
+    machine = ms.load_scene('four_bar_clearance', {f'{SENSOR}.sample_rate': '100 Hz'})
+    wanted = WindowsPart(samples=8, overlap=0.875, per_run=6)
+    check(wanted, machine, 0.07, 0.2)
+    block = Block(0.0, np.arange(20.0), np.zeros(20, bool), triggered=False)
+    found = list(Cutter(wanted, 100.0, 0.07).cut([block]))
+    assert [window.samples[0] for window in found] == [7.0, 8.0, 9.0, 10.0, 11.0, 12.0]
+    with pytest.raises(InputError, match='gives 6 of 8 samples'):
+        check(wanted.model_copy(update={'per_run': 7}), machine, 0.07, 0.2)
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ export class Canvas {
     over.addEventListener('pointerdown', (event) => this.#down(event));
     over.addEventListener('pointermove', (event) => this.#move(event));
     over.addEventListener('pointerup', (event) => this.#up(event));
-    over.addEventListener('pointercancel', () => this.#cancel());
+    over.addEventListener('pointercancel', () => this.cancel());
     over.addEventListener('wheel', (event) => {
       event.preventDefault();
       this.zoom(Math.exp(-0.0015 * event.deltaY), this.#pixel(event));
@@ -295,7 +295,7 @@ export class Canvas {
     this.fingers.set(event.pointerId, this.#pixel(event));
     this.over.setPointerCapture(event.pointerId);
     if (this.fingers.size === 2) {
-      this.#cancel();
+      this.cancel();
       return;
     }
     const spot = this.spot(event);
@@ -342,7 +342,8 @@ export class Canvas {
     this.act({ type: pressed.moved ? 'drop' : 'click', from: pressed.from, spot });
   }
 
-  #cancel() {
+  /** Ends a gesture that is to have no effect. */
+  cancel() {
     if (this.pressed) this.act({ type: 'cancel' });
     this.pressed = null;
   }

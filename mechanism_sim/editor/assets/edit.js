@@ -32,7 +32,6 @@ let shown = null; // the state or the frame of a drag that is drawn
 let pressed = null; // forces of ideal joints over a turn, or at its start
 let typed = 0; // a timer, while text is typed that was not told
 let held = null; // what is asked for goes with the next message
-let drawing = null; // where a part begins
 let waiting = null; // a gesture that is sent when the answer to the last one is there
 let flying = false;
 let fitted = null; // the document that was fitted
@@ -136,7 +135,6 @@ function show(news) {
   state = news;
   waiting = null;
   flying = false;
-  drawing = null;
   canvas.stretch(null);
   by('hint').textContent = TOOLS.get(canvas.tool).hint;
   by('title').textContent = words(news.stage.title);
@@ -394,9 +392,8 @@ function gesture({ type, from, spot, handle, x, y }) {
   if (type === 'press' || type === 'cancel') {
     if (canvas.playing && type === 'press') back();
     if (type === 'cancel') {
-      canvas.stretch(null);
-      if (drawing) ask({ type: 'select', path: state.path });
-      drawing = null;
+      waiting = null;
+      ask({ type: 'select', path: state.path }); // which shows the document as it is
     }
   } else if (type === 'nudge') ask({ type: 'drop', handle: handle.key, x, y, step });
   else if (tool === 'move' || tool === 'turn') {
@@ -416,7 +413,6 @@ function gesture({ type, from, spot, handle, x, y }) {
     part(tool, from, spot);
   } else if (how === 'band') {
     if (type === 'drag') {
-      drawing = from;
       const begin = from.grip?.at ?? [from.x, from.y];
       const end = spot.grip?.at ?? [spot.x, spot.y];
       canvas.stretch([begin, end], tool);
@@ -501,7 +497,8 @@ function key(event) {
   const letter = event.key.toLowerCase();
   const typing = event.target.closest('input:not([type=range], [type=checkbox]), textarea, select');
   if (event.ctrlKey || event.metaKey) {
-    const acts = { s: save, ...(typing ? {} : {
+    const own = typing && (fields.typed || !by('fields').contains(typing)); // its undo is the browser's
+    const acts = { s: save, ...(own ? {} : {
       z: () => ask({ type: event.shiftKey ? 'redo' : 'undo' }), y: () => ask({ type: 'redo' }) }) };
     if (!(letter in acts)) return;
     event.preventDefault();
@@ -514,6 +511,7 @@ function key(event) {
   if (tool) take(tool.name);
   else if (pressed === 'F') fit();
   else if (event.key === 'Escape') {
+    canvas.cancel();
     take('move');
     if (canvas.playing) back();
   } else if (['Delete', 'Backspace'].includes(event.key) && state.path.length) ask({ type: 'remove', path: state.path });

@@ -20,7 +20,8 @@ export class Fields {
   show(state, colours) {
     this.#outline(state, colours);
     const own = this.#own;
-    const [focused, typed, from, to] = [own?.name, own?.value, own?.selectionStart, own?.selectionEnd];
+    const [focused, from, to] = [own?.name, own?.selectionStart, own?.selectionEnd];
+    const typed = this.typed ? own.value : null;
     const head = this.#head(state);
     const rows = state.rows.map((row) => this.#row(row, state));
     this.making = true;
@@ -30,7 +31,7 @@ export class Fields {
     if (!again) return;
     again.focus();
     if (again.tagName === 'SELECT') return;
-    if (again.value !== typed) { // what somebody is typing stays, and is told when it is left
+    if (typed !== null && again.value !== typed) { // what somebody is typing stays, and is told when it is left
       again.value = typed;
       again.addEventListener('blur', () => again.dispatchEvent(new Event('change')));
     }
@@ -112,11 +113,11 @@ export class Fields {
   #input(row, id, key) {
     const given = { id, name: key, 'aria-describedby': `h-${key}` };
     let field;
-    if (row.choices.length && !row.unit.includes(', or')) {
+    if (row.choices.length) {
       field = html('select', given, html('option', { value: '' }, row.default || '–'));
       field.append(...row.choices.map((x) => html('option', {}, x)));
       field.value = row.text;
-    } else if (row.text.length > 40) {
+    } else if (row.text.length > 40 || row.text.includes('\n')) {
       field = html('textarea', { ...given, rows: Math.min(6, Math.ceil(row.text.length / 36)), spellcheck: 'false' });
       field.defaultValue = row.text;
     } else {

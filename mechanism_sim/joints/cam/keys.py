@@ -127,6 +127,7 @@ class SegmentPart(Part):
 
     other_words: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(('simple_harmonic', 'SHM', 'cosine', 'sinusoidal'), "'harmonic'"),
+        **dict.fromkeys(('sinoide', 'bestehorn', 'bestehorn_sinoide'), "'cycloidal'"),
         **dict.fromkeys(('parabolic', 'quadratic'), "'constant_acceleration'"),
         **dict.fromkeys(('3-4-5', 'poly345', 'quintic'), "'polynomial_345'"),
         **dict.fromkeys(('4-5-6-7', 'poly4567'), "'polynomial_4567'"),

@@ -127,7 +127,7 @@ def guides_of(
     found: dict[str, Prismatic] = {}
     for name, joint in names.scene.joints.items():
         if joint.prismatic:
-            guide = joint.kind_keys.read(joint, names, name)
+            guide = joint.kind_keys.read(names, name)
             found |= {link: guide for link in links if {carrier, link} == {*guide.links}}
     if len(found) == 1:
         slides = next(iter(found))

@@ -159,9 +159,9 @@ class Panel:
     Attributes
     ----------
     form : ``equal`` where both axes have one scale; ``polar``, with a direction and a size
-    height : height [in]
-    scale : name of a common range of y
-    struck : x of impacts, marked at the upper edge
+    height : [in]
+    scale : panels of the same one have the same range of y
+    impact_times : x of impacts, marked at the upper edge
     """
 
     x: Axis
@@ -172,16 +172,16 @@ class Panel:
     height: float = PANEL
     scale: str = ''
     marks: tuple[Mark, ...] = ()
-    struck: Array = field(default_factory=lambda: NOTHING)
+    impact_times: Array = field(default_factory=lambda: NOTHING)
 
     @property
     def entries(self) -> list[str]:
         """Entries of the legend: labels in order, and impacts; none for a single titled curve."""
         labels = dict.fromkeys(c.label for c in self.curves if c.label)
         found = [label for label in labels if label != self.title]
-        found += ['impact'] * bool(len(self.struck))
+        found += ['impact'] * bool(len(self.impact_times))
         said = f'{self.title} {self.x.words} {self.y.words}'
-        return [] if len(found) == 1 and found[0] in said and not len(self.struck) else found
+        return [] if len(found) == 1 and found[0] in said and not len(self.impact_times) else found
 
     @property
     def free(self) -> float:

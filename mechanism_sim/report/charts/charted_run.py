@@ -186,7 +186,7 @@ class ChartedRun:
         return over_turns(self.record.machine.plan.main, self.record.degrees, self.again)
 
     @cached_property
-    def struck(self) -> Array:
+    def impact_times(self) -> Array:
         """Times of impacts (N,) [s]."""
         return np.array([i.t for i in self.record.piece.impacts], np.float64)
 

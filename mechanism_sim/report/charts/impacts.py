@@ -37,15 +37,15 @@ _RAYS = 600
 def impacts(charted: ChartedRun, skip: int) -> ChartSection | None:
     """Impacts over time, by direction, and what wears the bearings."""
     record = charted.record
-    struck = [i for i in record.piece.impacts if i.t >= charted.begin]
-    if not struck:
+    all_impacts = [i for i in record.piece.impacts if i.t >= charted.begin]
+    if not all_impacts:
         return None
     charts = [
-        _stems(charted, struck, window, f'Impacts in {when}', key)
+        _stems(charted, all_impacts, window, f'Impacts in {when}', key)
         for window, when, key in charted.windows('impacts')
-        if any(window.start <= i.t <= window.end for i in struck)
+        if any(window.start <= i.t <= window.end for i in all_impacts)
     ]
-    hit = {i.joint for i in struck}
+    hit = {i.joint for i in all_impacts}
     for joint in record.loose_joints:
         if joint in hit:
             rose = impact_rose(record, joint, skip)
@@ -54,22 +54,22 @@ def impacts(charted: ChartedRun, skip: int) -> ChartSection | None:
             ]
         if record.machine.physics.has_forces:
             charts += _wear(charted, joint, skip)
-    return ChartSection('impacts', 'Impacts', _text(charted, struck), tuple(charts))
+    return ChartSection('impacts', 'Impacts', _text(charted, all_impacts), tuple(charts))
 
 
-def _text(charted: ChartedRun, struck: list[Impact]) -> str:
-    hardest = max(struck, key=lambda i: i.normal_impulse)
-    lost = sum(i.energy_loss for i in struck)
-    many = counted(len(struck), 'impact', ',')
-    total = written(sum(i.normal_impulse for i in struck), 'N s')
+def _text(charted: ChartedRun, all_impacts: list[Impact]) -> str:
+    hardest = max(all_impacts, key=lambda i: i.normal_impulse)
+    lost = sum(i.energy_loss for i in all_impacts)
+    many = counted(len(all_impacts), 'impact', ',')
+    total = written(sum(i.normal_impulse for i in all_impacts), 'N s')
     text = (
         f'{many} with an impulse of {total} and a loss of {written(lost, "J")} in all; the '
         f'hardest, {written(hardest.normal_impulse, "N s")}, in {hardest.joint} at '
         f'{hardest.t:.6g} s.'
     )
-    if max(Counter(i.joint for i in struck).values()) > STEMS:
+    if max(Counter(i.joint for i in all_impacts).values()) > STEMS:
         text += f' Of the whole run the hardest in each of {STEMS} intervals are drawn.'
-    if any(j in {i.joint for i in struck} for j in charted.record.loose_joints):
+    if any(j in {i.joint for i in all_impacts} for j in charted.record.loose_joints):
         text += (
             ' In polar charts each impact is a line to the place it strikes, in the frame of the '
             'part that is struck; the hardest are marked by their rank.'
@@ -78,7 +78,7 @@ def _text(charted: ChartedRun, struck: list[Impact]) -> str:
 
 
 def _stems(
-    charted: ChartedRun, struck: list[Impact], window: ChartWindow, title: str, key: str
+    charted: ChartedRun, all_impacts: list[Impact], window: ChartWindow, title: str, key: str
 ) -> Chart:
     curves = []
     # the gaps with the number of their joint's colour, and whether it is the joint's second
@@ -88,7 +88,7 @@ def _stems(
         for joint, names in gaps_of(charted).items()
         for i, name in enumerate(names)
     ]:
-        own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
+        own = [i for i in all_impacts if i.joint == name and window.start <= i.t <= window.end]
         sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
         own = [own[k] for k in tallest(sizes[0], sizes[1], STEMS)]
         if own:
@@ -191,11 +191,24 @@ def contacts(charted: ChartedRun) -> ChartSection | None:
     gaps = gaps_of(charted)
     if not gaps:
         return None
-    charts = [
-        _chart(charted, window, joint, names, f'{joint}: gap over {when}', key)
-        for joint, names in gaps.items()
-        for window, when, key in charted.windows(f'gap-{joint}')
-    ]
+    charts = []
+    for joint, names in gaps.items():
+        for window, when, key in charted.windows(f'gap-{joint}'):
+            title = f'{joint}: gap over {when}'
+            found = over_time(
+                charted, key, title, [f'gap.{name}' for name in names], joint, window
+            )
+            panel = found.panels[0]
+            shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
+            # do not make a picture of rounding
+            y = replace(panel.y, low=0.0, high=1e-3 if shut else None)
+            clearances = charted.record.machine.physics.clearances
+            rows = {
+                name.removeprefix(joint)[1:] if len(names) > 1 else '':
+                spells(window, clearances.index(name))
+                for name in names
+            }  # fmt: skip
+            charts.append(replace(found, panels=(replace(panel, y=y), modes(rows, panel.x))))
     text = (
         'The gap is zero while the contact is closed. The band below shows the contact mode; '
         'where intervals are too short to be distinguished, the share of time of each mode.'
@@ -210,23 +223,6 @@ def gaps_of(charted: ChartedRun) -> dict[str, list[str]]:
     for name in machine.physics.clearances:
         found.setdefault(joint_of_gap(machine.mechanism, name).name, []).append(name)
     return found
-
-
-def _chart(
-    charted: ChartedRun, window: ChartWindow, joint: str, names: list[str], title: str, key: str
-) -> Chart:
-    found = over_time(charted, key, title, [f'gap.{name}' for name in names], joint, window)
-    panel = found.panels[0]
-    shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
-    # do not make a picture of rounding
-    y = replace(panel.y, low=0.0, high=1e-3 if shut else None)
-    clearances = charted.record.machine.physics.clearances
-    rows = {
-        name.removeprefix(joint)[1:] if len(names) > 1 else '':
-        spells(window, clearances.index(name))
-        for name in names
-    }  # fmt: skip
-    return replace(found, panels=(replace(panel, y=y), modes(rows, panel.x)))
 
 
 def spells(window: ChartWindow, gap: int) -> Spells:

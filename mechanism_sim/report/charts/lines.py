@@ -6,7 +6,7 @@ Words, units, colours and dashes follow from the names of the quantities and fro
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from types import MappingProxyType
@@ -154,14 +154,14 @@ def colours(names: Iterable[str], numbers: Mapping[str, int]) -> Iterator[int]:
 
 def panels(
     series: Sequence[Series], over: Abscissa, numbers: Mapping[str, int],
-    struck: Array = NOTHING, reach: Mapping[str, Array] = MappingProxyType({}),
+    impact_times: Array = NOTHING, reach: Mapping[str, Array] = MappingProxyType({}),
 ) -> list[Panel]:  # fmt: skip
     """Lines of one unit: in a panel, or of many one for each link or joint, of the same scale.
 
     Parameters
     ----------
     numbers : of links and joints, for their colours
-    struck : (N,) times that are marked [s]
+    impact_times : (N,) times that are marked [s]
     reach : by name places [deg], least and greatest values (3, N) there of all turns, SI
     """
     owners = {s.line: f'{s.name}.{s.of}' for s in series}
@@ -184,7 +184,7 @@ def panels(
         )  # fmt: skip
         found.append(_shaped(panel, over, [s.name for s in series]))
     if not over.of:
-        found[0] = replace(found[0], struck=marks(over, struck))
+        found[0] = replace(found[0], impact_times=marks(over, impact_times))
     return found
 
 
@@ -379,14 +379,19 @@ def chart(
     impacts : (N,) times that are marked [s]
     """
     bands = [] if over.kind != 'time' else [s for s in series if s.name.startswith('mode.')]
-    si, units = _si_of({s.unit for s in series}), dict[str, list[Series]]()
+    # in SI units; beside accelerations, and no masses, g is one of gravity
+    si = {unit: in_si(unit) for unit in {s.unit for s in series}}
+    others = {x.unit for unit, x in si.items() if unit not in GRAVITIES}
+    if GRAVITY.unit in others and 'kg' not in others:
+        si |= dict.fromkeys(si.keys() & GRAVITIES, GRAVITY)
+    units: dict[str, list[Series]] = {}
     for s in series:
         if s not in bands:
             units.setdefault(si[s.unit].unit, []).append(s)
     found: list[Panel] = []
-    struck = np.asarray(impacts, np.float64)
+    impact_times = np.asarray(impacts, np.float64)
     for lines in units.values():
-        found += panels(_in_one_unit(lines, si), over, numbers, NOTHING if found else struck)
+        found += panels(_in_one_unit(lines, si), over, numbers, NOTHING if found else impact_times)
     if bands:
         found.append(modes({replace(s, name=_parts(s)[1]).line: Spells.of(s) for s in bands}))
     if over.kind == 'time':
@@ -403,15 +408,6 @@ def in_si(unit: str) -> QuantityValue:
         return to_si_text(f'1 {unit}') if unit else QuantityValue(1.0, '')
     except ValueError:
         return QuantityValue(1.0, unit)
-
-
-def _si_of(units: Collection[str]) -> dict[str, QuantityValue]:
-    """One of each unit in SI units; beside accelerations, and no masses, g is one of gravity."""
-    found = {unit: in_si(unit) for unit in units}
-    others = {x.unit for unit, x in found.items() if unit not in GRAVITIES}
-    if GRAVITY.unit in others and 'kg' not in others:
-        found |= dict.fromkeys(found.keys() & GRAVITIES, GRAVITY)
-    return found
 
 
 def _in_one_unit(lines: Sequence[Series], si: Mapping[str, QuantityValue]) -> Sequence[Series]:

@@ -93,7 +93,7 @@ def _panels(same: Sequence[Panel], runs: Runs) -> Iterator[Panel]:
     if first.y.names:
         for panel, (_, name) in zip(same, runs, strict=True):
             kept = tuple(c for c in panel.curves if c.look != 'ideal')
-            yield replace(panel, curves=kept, title=name, struck=NOTHING)
+            yield replace(panel, curves=kept, title=name, impact_times=NOTHING)
         return
     x, y = (_span([getattr(p, axis) for p in same]) for axis in 'xy')
     lines = [[c for c in p.curves if len(c.x) and c.look in _MAIN] for p in same]
@@ -106,7 +106,7 @@ def _panels(same: Sequence[Panel], runs: Runs) -> Iterator[Panel]:
         drawn = tuple(_of(c, *run) for curves, run in zip(each, runs, strict=True) for c in curves)
         yield replace(
             first, x=x, y=y, curves=drawn, title=first.title or (told if split else ''),
-            struck=NOTHING, height=min(first.height, 1.4 * SMALL) if split else first.height,
+            impact_times=NOTHING, height=min(first.height, 1.4 * SMALL) if split else first.height,
         )  # fmt: skip
         if split and (less := _differences(each, runs)):
             away = Axis('difference', y.unit)

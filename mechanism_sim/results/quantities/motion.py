@@ -10,18 +10,15 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import check_known
 from mechanism_sim.keys.names import listed
-from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.elastic import Beam
-from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic
-from mechanism_sim.planar.points import GROUND, LinkPoint, Point
-from mechanism_sim.planar.protocols import EndGap, moment_of
-from mechanism_sim.planar.switched_functions import SwitchedFunction
-from mechanism_sim.planar.unknowns import Unknowns
-from mechanism_sim.planar.virtual_work import located
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import LinkPoint, Point
+from mechanism_sim.planar.protocols import EndGap
 from mechanism_sim.results.quantity import Quantity, Shown, View, direction, magnitude, vector
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.frame_forces import whole_machine
 from mechanism_sim.tolerances import TOLERANCES
+from mechanism_sim.vibration.shaken_frame import WholeMachine
 
 _SOLVED = TOLERANCES.rounding.solved
 
@@ -227,85 +224,19 @@ def of_frame(machine: Machine) -> Iterator[Quantity]:
 
 
 class _Shaking:
-    """Force and moment about the origin that all links and springs put on the frame.
-
-    The torque of a drive acts between frame and link; the force of one that slides between the
-    links of its guide, along it.
-    """
+    """Force and moment about the origin of a machine on its frame; compiled when asked for."""
 
     def __init__(self, machine: Machine) -> None:
-        self._mechanism = mechanism = machine.mechanism
-        self._driven = machine.physics.driven
-        self._on_frame = [
-            (i, joint)
-            for i, joint in enumerate(mechanism.joints)
-            if GROUND in (joint.first, joint.second)
-        ]
-        self._held = tracks(
-            mechanism, [(joint.second, joint.on_second) for _, joint in self._on_frame]
-        )
         self._machine = machine
-        self._springs: _OnGround | None = None
+        self._forces: WholeMachine | None = None
 
     def __call__(self, view: View) -> Array:
         """Force x, y [N] and moment [N m], (3, N)."""
-        o = view.observed
-        self._springs = self._springs or _OnGround(self._machine)
-        fx, fy, moment = self._springs(view)
-        thrust: dict[str, Array] = {}
-        for name, torque in zip(self._driven, o.drive_torque, strict=True):
-            if name in self._mechanism.displacements:
-                thrust[self._mechanism.tree_joints[name].name] = torque
-            else:
-                moment = moment - torque
-        for (i, joint), (x, y) in zip(self._on_frame, self._held(view)[:, 0], strict=True):
-            sign = 1.0 if joint.second == GROUND else -1.0
-            px, py = sign * o.reaction[i]
-            if isinstance(joint, Prismatic) and joint.name in thrust:
-                angle = self._mechanism.frame(joint.first)[1] + joint.axis
-                px = px + sign * thrust[joint.name] * np.cos(angle)
-                py = py + sign * thrust[joint.name] * np.sin(angle)
-            fx, fy = fx + px, fy + py
-            moment = moment + x * py - y * px + sign * o.reaction_moment[i]
-        found = np.array([fx, fy, moment])
+        self._forces = self._forces or whole_machine(self._machine)
+        found, o = view.on_frame(self._forces), view.observed
         # what forces leave of each other by rounding is nothing: a machine is balanced
-        length = self._mechanism.size
+        length = self._machine.mechanism.size
         size = np.abs(o.reaction).sum(axis=(0, 1)) + np.abs(found[:2]).sum(axis=0)
         size = _SOLVED * (size + o.kinetic_energy / length)
         found[np.abs(found) <= np.array([size, size, size * length])] = 0.0
-        return found
-
-
-class _OnGround:
-    """Force and moment about the origin of all springs and dampers that end at the frame."""
-
-    def __init__(self, machine: Machine) -> None:
-        mechanism, parameters = machine.mechanism, Parameters()
-        frames = Frames(mechanism.coordinates, parameters)
-        unknowns = Unknowns(mechanism, frames, machine.plan.unknowns(mechanism), {}, [])
-        acting = [x for e in machine.plan.elements(mechanism) for x in e.loads(frames)]
-        loads = [load for load in [*acting, *unknowns.acting] if load.link == GROUND]
-        terms = [
-            add(*(load.force[0] for load in loads)),
-            add(*(load.force[1] for load in loads)),
-            add(
-                *(load.moment for load in loads),
-                *(
-                    moment_of((dense(x.value), dense(y.value)), load.force)
-                    for load in loads
-                    for x, y in [located(load, frames, mechanism)]
-                ),
-            ),
-        ]
-        self._outside = tuple(frames.outside)
-        known = [
-            *frames.q.values(), *frames.v.values(), *frames.outside.values(), *unknowns.sizes
-        ]  # fmt: skip
-        self._function = SwitchedFunction(frames, [terms], known)
-
-    def __call__(self, view: View) -> Array:
-        """Force x, y [N] and moment [N m], (3, N)."""
-        o = view.observed
-        outside = view.outside(self._outside)
-        (found,) = self._function(np.concatenate([o.local, o.velocity, outside, *o.load[:, None]]))
         return found

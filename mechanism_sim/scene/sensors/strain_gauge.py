@@ -11,7 +11,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Offset
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys, check_link
+from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys
 from mechanism_sim.sensing.channel import DirectSource
 
 
@@ -61,7 +61,7 @@ class StrainKeys(OnLinkKeys, AnalogueKeys):
 
     def check(self, machine: Any, where: str) -> None:
         """Refuse rigid links, and places that are not on the beam."""
-        check_link(machine, where, self.link)
+        super().check(machine, where)
         beams = machine.mechanism.having(Beam)
         if self.link not in beams:
             raise InputError(
