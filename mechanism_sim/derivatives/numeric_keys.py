@@ -89,7 +89,7 @@ class NumericKey:
 
 
 def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKey]:
-    """The numbers of a scene by their paths; InputError if one is none."""
+    """The numbers of a scene by their paths; InputError for a path without a number."""
     found = []
     for path in dict.fromkeys(listed(paths)):
         value, unit = _value_of(machine.scene, path)
@@ -135,7 +135,7 @@ def _is_number(x: Any) -> bool:
 
 
 def _at_start(machine: Machine, path: str) -> tuple[float, str]:
-    """A coordinate, a rate or a drive at the start that the scene does not give: as it starts."""
+    """Initial coordinate, rate or drive that the scene does not give, by its computed value."""
     begin, _, coordinate = path.rpartition('.')
     which = {'initial.position': 0, 'initial.velocity': 1}.get(begin)
     free = machine.equations.system.free if machine.level.dynamic else ()

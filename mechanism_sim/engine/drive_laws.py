@@ -21,14 +21,14 @@ class LawSchedule:
 
     Attributes
     ----------
-    laws, coming : that hold, and that will, in the order of time
+    laws, coming : laws that hold now, and announced ones in the order of time
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
         self.begin(laws)
 
     def begin(self, laws: Sequence[Law]) -> None:
-        """Let laws hold from now on, and no others follow."""
+        """Set the laws that hold from now on, and discard all announced ones."""
         self._sources: dict[str, LawSource] = {}
         self.restore(laws, ())
 
@@ -37,7 +37,7 @@ class LawSchedule:
         self.laws, self.coming = list(laws), deque(coming)
 
     def announce(self, law: Law, known: float | Fraction) -> None:
-        """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
+        """Announce a law that replaces that of its coordinate from ``law.valid_from`` on.
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class DriveLaws(LawSchedule):
     ----------
     next_base : local time [s] after which a new base is due
     next_change : local time [s] from which the next law holds; infinite if none is to come
-    since : steps since the directions were computed
+    since : number of steps since the directions were computed from the angles
     """
 
     def __init__(

@@ -144,7 +144,7 @@ class NominalRun:
         self._drives.announce(law, self._time)
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
-        """Let laws of coordinates follow from sources where no others are announced."""
+        """Set sources of laws, by coordinate, for times without an announced law."""
         self._drives.go_on_by(sources)
 
     @property

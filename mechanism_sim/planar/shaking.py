@@ -32,15 +32,15 @@ class ShakingForce:
     Parameters
     ----------
     mechanism : its links
-    applied : what acts on links, or on the ground, from outside of the machine
+    applied : external loads on links, or on the ground
     unknowns : u loads of that kind whose sizes follow from the motion
 
     Attributes
     ----------
-    outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
+    outside : names of inputs beside the motion: ``time``, ``COORDINATE.turns``
     unknown : whether there are loads whose sizes must be known
-    flags : by the name of each switch where its flag is among the rows
-    edges : where along a motion a load begins or ceases to act; None if none does
+    flags : index of the flag in the rows, by the name of the switch
+    edges : finder of the onset and end of loads along a motion; None without any
     """
 
     def __init__(
@@ -81,8 +81,8 @@ class ShakingForce:
         Parameters
         ----------
         motion : (n, N) each: angles [rad] or displacements [m], rates, accelerations
-        outside : (k, N) what is named by `outside`
-        rows : values of the switches, if not those at these places
+        outside : (k, N) values of the inputs `outside`
+        rows : values of the switches; by default those at these positions
         sizes : (u, N) of the unknown loads [N, N m]
         static : whether to leave out what changes the momentum
         """

@@ -464,8 +464,8 @@ def instant(
     Parameters
     ----------
     angle : of the drive [rad, m], or
-    t : [s]; without either the start
-    duration : of the cycle [s], where the drive has no period
+    t : time [s]; without either the start
+    duration : duration of the cycle [s], where the drive has no period
     points : as for `cycle`
     still : no more than the instant is wanted, so that a drive without a period needs no duration;
         but where all points of a link coincide it is the motion that shows how large it is

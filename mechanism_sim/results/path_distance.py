@@ -28,7 +28,7 @@ from mechanism_sim.units import read_common
 _LOOKS = np.linspace(0.0, 1.0, 9)
 """Positions in a step between which the nearest is searched."""
 _CANDIDATES = 3
-"""Nearest places seen, of which each is refined: paths cross themselves."""
+"""Number of nearest positions that are each refined: paths may cross themselves."""
 _AGAIN = 1e-6
 """Share of the size of the machine, or of a radian, within which a path has come again."""
 _REFINED = 8

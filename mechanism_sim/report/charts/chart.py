@@ -159,8 +159,8 @@ class Panel:
     Attributes
     ----------
     form : ``equal`` where both axes have one scale; ``polar``, with a direction and a size
-    height : [in]
-    scale : panels of the same one have the same range of y
+    height : height [in]
+    scale : name of a common range of y
     impact_times : x of impacts, marked at the upper edge
     """
 
