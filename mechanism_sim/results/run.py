@@ -278,7 +278,7 @@ class Solution(Piece):
 
     Attributes
     ----------
-    scene, level : names of the scene and of its level of the scene and of its level
+    scene, level : names of the scene and of its level
     energy : the energy balance; ``None`` where masses are not part of the scene
     max_penetration, max_closure_error : largest violations of open gaps and of closures [m]
     snapshot : state from which a longer run continues, not later than the end
