@@ -194,7 +194,7 @@ def _says(node: Any, value: Any) -> bool:
 
 
 def _start(text: str, node: Any) -> int:
-    """Start of the text of a node, behind its anchor if it has one, which stays."""
+    """Index at which the text of a node starts, behind its anchor if it has one, which stays."""
     start: int = node.start_mark.index
     anchor = re.match(r'&\S+\s+', text[start : node.end_mark.index])
     return start + anchor.end() if anchor else start
