@@ -9,7 +9,7 @@ from four_bars import RADIAL
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunWarning
-from mechanism_sim.scene.facts import unit_at
+from mechanism_sim.scene.load import unit_at
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import compute
