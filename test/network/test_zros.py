@@ -467,11 +467,21 @@ def test_an_output_that_is_full_is_said(network, words, code, said):
     assert (done.returncode, done.stderr) == (code, f'zros: {said}\n')
 
 
-@pytest.mark.parametrize('words', ['--rate -1', '--rate nan', '--delay inf', '--delay 1e300'])
-def test_a_bag_is_played_neither_backwards_nor_never(words):
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        ('--rate -1', '--rate -1: from 0 to 1e+09'),
+        ('--rate nan', '--rate nan: from 0 to 1e+09'),
+        ('--delay -1', '--delay -1: from 0 to 1e+09'),
+        ('--delay 1e10', '--delay 1e+10: from 0 to 1e+09'),
+        ('--delay inf', "bag play: --delay: 'inf' is not a number with a unit"),
+        ('--delay 1e300', "bag play: --delay: '1e300' is out of bounds"),
+    ],
+)
+def test_a_bag_is_played_neither_backwards_nor_never(words, said):
     done = run('bag', 'play', 'x.mcap', *words.split(), refused=True)
-    said = f'mechanism-sim: {words.replace("1e300", "1e+300")}: from 0 to 1e+09\n'
-    assert (done.returncode, done.stderr) == (2, said)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f'mechanism-sim: {said}')
 
 
 @pytest.mark.parametrize(

@@ -313,7 +313,7 @@ def test_a_folder_with_the_name_of_a_scene_does_not_hide_it(tmp_path, monkeypatc
         (['-o', 'nowhere/page.html'], 'there is no directory'),
         (['--from', '0.4', '--to', '0.2'], 'from 0.4 s to 0.2 s is not within the run'),
         (['--to', '99'], 'is not within the run, which goes from 0 s to'),
-        (['--from', 'nan'], 'is not within the run'),
+        (['--from', 'nan'], "--from: 'nan' is not a number"),
         (['--namespace', '/left'], 'has no machine in namespace /left'),
         (['--set', 'drive.speed=1 rpm'], 'as it was recorded'),
         (['--revolutions', '9'], 'turns from 0 s on, not 9'),
