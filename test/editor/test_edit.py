@@ -28,6 +28,7 @@ from mechanism_sim.editor.files_beside import FilesBeside
 from mechanism_sim.editor.motion import INSTANTS, Turn
 from mechanism_sim.editor.rounding import rounded
 from mechanism_sim.editor.scene_text import renamed, with_value, without
+from mechanism_sim.editor.sketch import Edit
 from mechanism_sim.editor.tools import TOOLS as OF_KINDS
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.urdf import to_urdf
@@ -1060,3 +1061,16 @@ def test_a_page_that_is_made_names_its_scene_as_one_types_it(tmp_path, monkeypat
     assert said.get() == f'saved: {tmp_path.resolve() / "my crank_sliders.html"}'
     page = html.unescape(Path('my crank_sliders.html').read_text())
     assert "<code>mechanism-sim report 'my crank.yaml'</code>" in page
+
+
+def test_a_table_that_is_made_finds_the_points_of_its_measures(tmp_path, monkeypatch):
+    """They are in the folder where the editor runs, not beside the scene that is handed on."""
+    monkeypatch.chdir(tmp_path)
+    Path('points.csv').write_text('x [mm],y [mm]\n60,60\n70,70\n')
+    document, said = Document.open('slider_crank'), queue.SimpleQueue()
+    measures = {'away': 'distance(position.rod.end, points.csv)'}
+    document.change([Edit(('measures',), measures)])
+    document.save('measured.yaml')
+    assert FilesBeside(said.put).takes({'type': 'make', 'what': 'CSV of a turn'}, document)
+    assert 'being written' in said.get()
+    assert said.get() == f'saved: {tmp_path.resolve() / "measured.csv"}'
