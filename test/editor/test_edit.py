@@ -138,6 +138,30 @@ def test_what_aliases_stand_for_is_changed_for_all_of_them_or_not_at_all():
             without(text, path)
 
 
+@pytest.mark.parametrize(
+    ('path', 'value', 'old', 'new'),
+    [
+        (('b', 'm'), '1 kg', '{l: *x}', '{l: *x, m: 1 kg}'),
+        (('b',), {'l': '5 mm', 'm': '1 kg'}, '{l: *x}', '{l: 5 mm, m: 1 kg}'),
+        (('c', 'p', 'n'), 2, '    o: *p  # same\n', '    o: *p  # same\n    n: 2\n'),
+        (('d', 'q'), None, ', q: 3}', '}'),
+    ],
+)
+def test_what_stands_beside_an_alias_is_changed_there(path, value, old, new):
+    """Not beside what the alias stands for, where the text between was taken for its value."""
+    text = """\
+a: {l: &x 5 mm, p: &p [1, 2]}
+b: {l: *x}
+c:
+  p:
+    o: *p  # same
+d: {p: *p, q: 3}
+"""
+    assert text.count(old) == 1
+    got = without(text, path) if value is None else with_value(text, path, value)
+    assert got == text.replace(old, new)
+
+
 def test_of_lists_and_parts_only_what_differs_is_written_anew():
     text = """\
 points:
