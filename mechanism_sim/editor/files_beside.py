@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from threading import Thread
 from typing import Any
 
 from mechanism_sim import process_exit, strict_json
+from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.editor.document import Document
 from mechanism_sim.errors import InputError
 
@@ -69,9 +71,12 @@ class FilesBeside:
             scene = Path(folder) / f'{name}.yaml'
             scene.write_text(text, 'utf-8')
             told = [command, '-o', str(file), '--', scene.name]
+            # files of points that measures name are still found in the folder where this runs
+            allowed = ['', *os.environ.get(TABLE_FOLDERS, '').split(os.pathsep)]
+            env = os.environ | {TABLE_FOLDERS: os.pathsep.join(map(os.path.abspath, allowed))}
             self._process = process_exit.start(
                 [sys.executable, '-m', 'mechanism_sim', *told],
-                cwd=folder, stdout=PIPE, stderr=PIPE, text=True,
+                cwd=folder, env=env, stdout=PIPE, stderr=PIPE, text=True,
             )  # fmt: skip
             _, said = self._process.communicate()
         last = said.strip().rpartition('\n')[2].removeprefix('mechanism-sim: ')

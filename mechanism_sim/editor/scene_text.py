@@ -51,9 +51,7 @@ def with_value(text: str, path: Path, value: Any) -> str:
     if not isinstance(node, yaml.MappingNode):
         raise InputError(f"'{'.'.join(path)}' cannot be set: a part of this path is a plain value")
     ((name, part),) = whole.items()
-    end = _end(text, node.value[-1][1]) if node.value else node.start_mark.index + 1
-    if node.value and node.value[-1][1].start_mark.index == node.value[-1][1].end_mark.index:
-        end = max(end, text.index(':', node.value[-1][0].end_mark.index) + 1)
+    end = _pair_end(text, *node.value[-1]) if node.value else node.start_mark.index + 1
     if node.flow_style:
         more = f'{_flow(name)}: {_flow(part)}'
         column = end - text.rfind('\n', 0, end)
@@ -107,12 +105,10 @@ def without(text: str, path: Path) -> str:
         above = tuple(path[:-1])
         return with_value(text, above, {}) if above in _REQUIRED else without(text, above)
     key, node = pairs[i]
-    end = _end(text, node)
-    if node.start_mark.index == node.end_mark.index:
-        end = text.index(':', key.end_mark.index) + 1
+    end = _pair_end(text, key, node)
     if parent.flow_style:
         if i:
-            return _put(text, _end(text, pairs[i - 1][1]), end, '')
+            return _put(text, _pair_end(text, *pairs[i - 1]), end, '')
         after = pairs[1][0].start_mark.index if len(pairs) > 1 else end
         return _put(text, key.start_mark.index, after, '')
     line = text.rfind('\n', 0, key.start_mark.index) + 1
@@ -206,9 +202,20 @@ def _end(text: str, node: Any) -> int:
         last = node.value[-1]
         if not isinstance(last, tuple):
             return _end(text, last)
-        return max(_end(text, last[1]), text.index(':', last[0].end_mark.index) + 1)
+        return _pair_end(text, *last)
     end: int = node.end_mark.index
     return len(text[:end].rstrip()) if node.start_mark.index < end else end
+
+
+def _pair_end(text: str, key: Any, node: Any) -> int:
+    """Index at which a key with its value, an alias or none, ends, or an entry of a list."""
+    if key is node:
+        return _end(text, node)
+    colon = text.index(':', key.end_mark.index) + 1
+    if node.start_mark.index < key.start_mark.index:  # what an alias stands for is elsewhere
+        alias = re.compile(r'\s*\*[^\s,\]}]+').match(text, colon)
+        return alias.end() if alias else colon
+    return max(_end(text, node), colon)
 
 
 def _in_lines(node: Any) -> bool:

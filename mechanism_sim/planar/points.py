@@ -76,9 +76,12 @@ def trace(
     def known(name: str) -> tuple[Any, ...]:
         return (*(() if name == GROUND else trajectory(name)[:orders]), 0.0, 0.0, 0.0)[:3]
 
+    turned: dict[str, tuple[Any, ...]] = {}
     for (frame, slide), (x, y) in point.items():
-        (angle, w, alpha), (s, rate, second) = known(frame), product(slide, known)
-        cosine, sine = np.cos(angle), np.sin(angle)
+        if frame not in turned:
+            angle, *rates = known(frame)
+            turned[frame] = (np.cos(angle), np.sin(angle), *rates)
+        (cosine, sine, w, alpha), (s, rate, second) = turned[frame], product(slide, known)
         dx, dy = cosine * x - sine * y, sine * x + cosine * y
         found[0, 0] += s * dx
         found[0, 1] += s * dy

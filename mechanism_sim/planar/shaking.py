@@ -86,12 +86,29 @@ class ShakingForce:
         sizes : (u, N) of the unknown loads [N, N m]
         static : whether to leave out what changes the momentum
         """
-        q, v, a = motion
+        q, v, _ = motion
         total = np.zeros((3, q.shape[1]))
         if self._loads:
             more = [sizes] if sizes is not None and self.unknown else []
             total += self._loads(np.concatenate([q, v, outside, *more]), rows)[0]
-        tree = self._mechanism
+        return self._with_bodies(total, motion, static)
+
+    def impulse(self, q: Array, step: Array) -> Array:
+        """Impulse x, y [N s] and its moment about the origin [N m s], (3, N): of no loads.
+
+        Parameters
+        ----------
+        step : (n, N) of the velocities [rad/s, m/s]
+        """
+        rest, none = np.zeros_like(q), np.zeros((3, q.shape[1]))
+        stepped = self._with_bodies(none.copy(), (q, rest, step))
+        return stepped - self._with_bodies(none, (q, rest, rest))
+
+    def _with_bodies(
+        self, total: Array, motion: tuple[Array, Array, Array], static: bool = False
+    ) -> Array:
+        """Add weights, less what changes the momentum, to a total (3, N)."""
+        (q, v, a), tree = motion, self._mechanism
         for mass, point, inertia, row in self._masses:
             (x, y), _, moved = tree.trace(point, q, v, a)
             gained = np.zeros_like(moved) if static else moved
@@ -100,16 +117,6 @@ class ShakingForce:
             if inertia and not static:
                 total[2] -= inertia * a[row]
         return total
-
-    def impulse(self, q: Array, step: Array, outside: Array) -> Array:
-        """Impulse x, y [N s] and its moment about the origin [N m s], (3, N).
-
-        Parameters
-        ----------
-        step : (n, N) steps of the velocities [rad/s, m/s]
-        """
-        rest = np.zeros_like(q)
-        return self((q, rest, step), outside) - self((q, rest, rest), outside)
 
 
 def _masses(mechanism: Mechanism) -> Iterator[tuple[float, Point, float, int]]:

@@ -33,7 +33,7 @@ from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.results.ranges import Extreme, Extremes, search
 from mechanism_sim.results.run import Solution, seconds_of
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.strokes import Swing, find_swings
+from mechanism_sim.results.strokes import Swing, find_swings, one_way_ends
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.scene.load import has_place, without_clearance
 from mechanism_sim.scene.plan import keeps_speed
@@ -500,27 +500,31 @@ def instant(
 
 def _time_at(cycle: Cycle, value: float) -> float:
     """Time at which a drive is first at a position [rad, m]; whole turns do not count."""
-    name = f'position.{cycle.drive}'
-    way = cycle.at(cycle.t, [name])[name]
+    machine, name, motion = cycle.machine, f'position.{cycle.drive}', cycle.solution.motion
+    curve = motion.between(float(cycle.t[0]), float(cycle.t[-1])).curve
+    t = np.union1d(one_way_ends(curve, machine.physics.coordinates.index(cycle.drive)), cycle.t)
+    t = np.clip(t, cycle.t[0], cycle.t[-1])
+    way = cycle.at(t, [name])[name]
     low, high, unit, scale = float(way.min()), float(way.max()), 'mm', 1e3
-    if cycle.drive not in cycle.machine.mechanism.displacements:
+    slack = 1e-9 * max(abs(low), abs(high))
+    if cycle.drive not in machine.mechanism.displacements:
         unit, scale = 'deg', 180.0 / math.pi
         value += 2.0 * math.pi * math.ceil((low - value) / (2.0 * math.pi) - 1e-9)
 
     def off(t: float) -> float:
         return float(cycle.at(np.array([t]), [name])[name][0]) - value
 
-    if not low - 1e-9 * abs(low) <= value <= high + 1e-9 * abs(high):
+    if not low - slack <= value <= high + slack:
         raise InputError(
-            f'{cycle.machine.name}: {cycle.drive} goes from {scale * low:.6g} to '
+            f'{machine.name}: {cycle.drive} goes from {scale * low:.6g} to '
             f'{scale * high:.6g} {unit} in {cycle.duration:.6g} s, and is not at this position'
         )
     value = min(max(value, low), high)
     k = int(np.flatnonzero((way[:-1] - value) * (way[1:] - value) <= 0.0)[0])
     for end in (k, k + 1):  # where rounding may have it beyond
         if way[end] == value:
-            return float(cycle.t[end])
-    return float(scipy.optimize.brentq(off, cycle.t[k], cycle.t[k + 1]))
+            return float(t[end])
+    return float(scipy.optimize.brentq(off, t[k], t[k + 1]))
 
 
 def is_steady(machine: Machine) -> bool:

@@ -3,8 +3,8 @@
 A file has columns ``x`` and ``y``, or one of another name for a coordinate, and units in its
 headings. With a further column ``angle``, by which the main drive has turned since its start, or
 ``t``, each point belongs to an instant; without, the nearest place of the path counts. A point
-whose angle is outside of a run is looked for a turn, or as many as the column is long, away: if
-the path has come again by then.
+whose angle is outside of a window is looked for a turn, or as many as the column is long, away: if
+the path has come again by then, or that of the ideal machine does.
 """
 
 from __future__ import annotations
@@ -109,20 +109,21 @@ class PathDistances:
         self._path, self._names = path, names
         self._points: Array = np.array(path.points)[:, :2]
         self._least = np.full(len(self._points), np.inf)
-        self._at, self._periods = np.array(path.at), [math.inf]
+        self._at, self._periods, self._again = np.array(path.at), [math.inf], {0.0}
         alone = names[0].removeprefix('position.')
         self._turns = len(names) == len(RATES) and alone not in machine.mechanism.displacements
         self._near = _AGAIN * (1.0 if self._turns else machine.mechanism.size)
         self._moved = np.zeros(len(self._points))  # [s] by which a point was looked for elsewhere
         self._first: Array | None = None
-        self._again = {0.0}
         if path.by == 'angle':
             speed = abs(machine.drive.start[1])
             if not (machine.drive.steady and speed):
                 raise InputError('distance: a column angle needs a drive at constant speed')
             turn, self._at = 2.0 * math.pi / speed, self._at / speed
-            turns = math.ceil(np.ptp(self._at) / turn - 1e-9)
+            turns, again = math.ceil(np.ptp(self._at) / turn - 1e-9), machine.drive.repetition
             self._periods = [turn] if turns <= 1 else [turn, turns * turn]
+            if machine.level.dynamic and again.found:  # where a path comes again only nearly
+                self._again |= {n * turn for n in (1, turns) if n % again.turns == 0}
 
     def add(self, piece: Piece, since: float, until: float, values: Values) -> None:
         """Enter the part of a piece within a window [s]."""

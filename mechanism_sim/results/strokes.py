@@ -253,6 +253,15 @@ def reversals(
     return low, curve.at(k, low)[:, i]
 
 
+def one_way_ends(curve: PiecewisePolynomial, i: int) -> Array:
+    """Ends of segments [s], and where a coordinate turns back within them."""
+    every, begin = np.arange(len(curve)), np.zeros(len(curve))
+    first, last = (curve.at(every, dt, 1)[:, i] for dt in (begin, curve.duration))
+    k = np.flatnonzero(first * last < 0.0)
+    since, _ = reversals(curve, i, k, begin[k], curve.duration[k])
+    return np.union1d(np.append(curve.start, curve.end), curve.times(k, since))
+
+
 def _merged(runs: list[_Run], way: float, brief: float) -> list[_Run]:
     """Runs of the same direction joined; those within rounding go to a neighbour."""
     runs = _joined(runs)

@@ -15,7 +15,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.measure_text import Bound
 from mechanism_sim.results.run import Piece
-from mechanism_sim.results.strokes import reversals
+from mechanism_sim.results.strokes import one_way_ends
 from mechanism_sim.scene import Machine
 
 _BISECTIONS = 60
@@ -100,14 +100,7 @@ class DriveTurns:
             return
         if self._lawful and self._piece is None and len(self.edges) == 1:  # it comes to rest
             self.edges = [self.begin]
-        # ends of segments [s], and where the drive turns back within them
-        every = np.arange(len(curve))
-        first, last = (
-            curve.at(every, dt, 1)[:, self._index] for dt in (np.zeros(len(every)), curve.duration)
-        )
-        k = np.flatnonzero(first * last < 0.0)
-        since, _ = reversals(curve, self._index, k, np.zeros(len(k)), curve.duration[k])
-        ends = np.union1d(np.append(curve.start, self.end), curve.times(k, since))
+        ends = one_way_ends(curve, self._index)
         self._piece = curve, ends, self._turned(curve, ends)
         while (t := self._passage(len(self.edges))) is not None:
             self.edges.append(t)

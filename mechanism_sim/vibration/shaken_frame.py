@@ -86,18 +86,13 @@ class WholeMachine:
             for name, part in self._physics.switch_parts(motion, segments, dt).items():
                 if name in self._force.flags:
                     known[self._force.flags[name]] = part
-        outer = self._outside(motion, segments, dt)
+        outer = outside(self._force.outside, self._coordinates, curve, segments, dt, states)
         return self._force(trajectory, outer, known, sizes, static)
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
         """Impulse and its moment."""
-        dt = np.zeros(len(segments))
-        q = motion.curve.local(segments, dt).T
-        return self._force.impulse(q, step, self._outside(motion, segments, dt))
-
-    def _outside(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        curve, states = motion.curve, motion.state_curve
-        return outside(self._force.outside, self._coordinates, curve, segments, dt, states)
+        q = motion.curve.local(segments, np.zeros(len(segments))).T
+        return self._force.impulse(q, step)
 
 
 class VelocitySteps:

@@ -227,6 +227,9 @@ def test_a_drawing_of_a_drive_that_swings_is_that_of_its_first_time_at_an_angle(
     machine = ms.load_scene('windshield_wiper', {'drive': drive})
     _, t = instant(machine, '105 deg', duration=4.0)
     assert t == pytest.approx(math.asin(0.5) / 2.0, abs=1e-9)
+    for angle, share in (('120 deg', 0.25), ('60 deg', 0.75)):  # between two samples
+        _, t = instant(machine, angle, duration=4.0)
+        assert t == pytest.approx(math.pi * share, abs=1e-6)
 
 
 def test_a_machine_with_clearance_between_limits_is_checked_drawn_and_run_within_them():

@@ -28,6 +28,7 @@ from mechanism_sim.editor.files_beside import FilesBeside
 from mechanism_sim.editor.motion import INSTANTS, Turn
 from mechanism_sim.editor.rounding import rounded
 from mechanism_sim.editor.scene_text import renamed, with_value, without
+from mechanism_sim.editor.sketch import Edit
 from mechanism_sim.editor.tools import TOOLS as OF_KINDS
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.urdf import to_urdf
@@ -135,6 +136,30 @@ def test_what_aliases_stand_for_is_changed_for_all_of_them_or_not_at_all():
     for path in (('a', 'l'), ('a',), ('b',)):
         with pytest.raises(InputError, match=r"an alias elsewhere \('\*[xp]'\)"):
             without(text, path)
+
+
+@pytest.mark.parametrize(
+    ('path', 'value', 'old', 'new'),
+    [
+        (('b', 'm'), '1 kg', '{l: *x}', '{l: *x, m: 1 kg}'),
+        (('b',), {'l': '5 mm', 'm': '1 kg'}, '{l: *x}', '{l: 5 mm, m: 1 kg}'),
+        (('c', 'p', 'n'), 2, '    o: *p  # same\n', '    o: *p  # same\n    n: 2\n'),
+        (('d', 'q'), None, ', q: 3}', '}'),
+    ],
+)
+def test_what_stands_beside_an_alias_is_changed_there(path, value, old, new):
+    """Not beside what the alias stands for, where the text between was taken for its value."""
+    text = """\
+a: {l: &x 5 mm, p: &p [1, 2]}
+b: {l: *x}
+c:
+  p:
+    o: *p  # same
+d: {p: *p, q: 3}
+"""
+    assert text.count(old) == 1
+    got = without(text, path) if value is None else with_value(text, path, value)
+    assert got == text.replace(old, new)
 
 
 def test_of_lists_and_parts_only_what_differs_is_written_anew():
@@ -1060,3 +1085,16 @@ def test_a_page_that_is_made_names_its_scene_as_one_types_it(tmp_path, monkeypat
     assert said.get() == f'saved: {tmp_path.resolve() / "my crank_sliders.html"}'
     page = html.unescape(Path('my crank_sliders.html').read_text())
     assert "<code>mechanism-sim report 'my crank.yaml'</code>" in page
+
+
+def test_a_table_that_is_made_finds_the_points_of_its_measures(tmp_path, monkeypatch):
+    """They are in the folder where the editor runs, not beside the scene that is handed on."""
+    monkeypatch.chdir(tmp_path)
+    Path('points.csv').write_text('x [mm],y [mm]\n60,60\n70,70\n')
+    document, said = Document.open('slider_crank'), queue.SimpleQueue()
+    measures = {'away': 'distance(position.rod.end, points.csv)'}
+    document.change([Edit(('measures',), measures)])
+    document.save('measured.yaml')
+    assert FilesBeside(said.put).takes({'type': 'make', 'what': 'CSV of a turn'}, document)
+    assert 'being written' in said.get()
+    assert said.get() == f'saved: {tmp_path.resolve() / "measured.csv"}'

@@ -22,6 +22,9 @@ from ros_interfaces.checks import objection
 R2, R3, C2, C3 = 0.05, 0.2, 0.02, 0.08
 MASS, INERTIA = {'crank': 1.0, 'rod': 0.5, 'piston': 2.0}, {'crank': 1e-3, 'rod': 2e-3}
 M2, W = 12.0, 30.0
+MOUNTS = {'left': {'at': [0.0, -0.1], 'stiffness': ['300 N/mm', '400 N/mm']},
+          'right': {'at': [0.3, -0.1], 'stiffness': ['300 N/mm', '400 N/mm']}}  # fmt: skip
+FRAME = {'mass': 20.0, 'inertia': 0.6, 'cog': [0.1, 0.0], 'mounts': MOUNTS}
 
 
 def slider_crank(**changes):
@@ -317,15 +320,23 @@ def test_the_frame_gets_what_a_load_between_it_and_a_link_does():
 
 def test_a_frame_on_springs_is_shaken_by_unknown_loads_too():
     """As what is said of the shaking force itself, which counts them."""
-    mounts = {'left': {'at': [0.0, -0.1], 'stiffness': ['300 N/mm', '400 N/mm']},
-              'right': {'at': [0.3, -0.1], 'stiffness': ['300 N/mm', '400 N/mm']}}  # fmt: skip
-    frame = {'mass': 20.0, 'inertia': 0.6, 'cog': [0.1, 0.0], 'mounts': mounts}
-    machine = slider_crank(oscillators={'frame': frame})
+    machine = slider_crank(oscillators={'frame': FRAME})
     run, t = ms.simulate(machine, duration=0.05), np.array([0.011, 0.023, 0.037])
     shaken = run.sample(t, 'shaking_force.x', 'load.resistance')
     assert np.abs(shaken['load.resistance']).min() > 0.1
     force = forces_on(machine, 'frame').read(run.motion, *run.motion.curve.find(t))
     np.testing.assert_allclose(force[0], shaken['shaking_force.x'], rtol=1e-9)
+
+
+def test_steps_of_the_velocities_shake_a_frame_without_loads():
+    """Loads of unknown size have no impulses: as much as without them."""
+    step, found = np.array([[0.3], [-0.1], [0.02]]), []
+    for changes in ({}, {'loads': {}, 'drive': {'coordinate': 'crank', 'speed': W}}):
+        machine = slider_crank(oscillators={'frame': FRAME}, **changes)
+        motion = ms.simulate(machine, duration=0.05).motion
+        found.append(forces_on(machine, 'frame').impulses(motion, np.array([1]), step))
+    assert np.abs(found[0]).max() > 1e-3
+    np.testing.assert_allclose(*found, rtol=1e-12)
 
 
 def test_nodes_publish_the_sizes():

@@ -119,6 +119,26 @@ def test_a_turn_that_comes_again_stands_for_the_next_ones(tmp_path, monkeypatch)
     assert distances('largest_distance(position.coupler.far, path.csv)')[0] < 1e-15
 
 
+def test_turns_of_a_loose_machine_stand_for_the_first_one(tmp_path, monkeypatch):
+    """They are never quite the same; beside the ideal machine, by samples of the run itself."""
+    monkeypatch.chdir(tmp_path)
+    loose, ideal = ms.load_scene('four_bar_clearance'), ms.load_scene('four_bar_nominal')
+    angles, period = np.radians(np.arange(-180.0, 180.0, 15.0)), loose.drive.period
+    t = period * (angles / TURN + 1.0)
+    ideal = ms.simulate(ideal, duration=2.0 * period)
+    rows = np.c_[angles, ideal.sample(t, 'position.rocker')['position.rocker']].tolist()
+    text = ''.join(f'{a!r};{b!r}\n' for a, b in rows)
+    (tmp_path / 'ideal.csv').write_text('angle [rad];rocker [rad]\n' + text)
+    run = ms.simulate(loose, duration=4.0 * period)
+    measure = 'distance(position.rocker, ideal.csv, from 3 revolutions)'
+    (found,) = ms.measure(loose, run, measure)
+    there = period * (3.0 + np.mod(angles / TURN, 1.0))
+    off = run.sample(there, 'position.rocker')['position.rocker'] - np.array(rows)[:, 1]
+    off = np.remainder(off + np.pi, TURN) - np.pi
+    assert 1e-5 < found.value < 1e-2
+    assert found.value == pytest.approx(math.sqrt(np.mean(off**2)), rel=1e-9)
+
+
 def test_angles_of_a_file_are_the_same_whole_turns_on(tmp_path, monkeypatch):
     """Freudenstein's equations of y = lg x, 1 to 2, at three points: 0.1686 deg off at most.
 
