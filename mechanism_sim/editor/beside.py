@@ -1,4 +1,4 @@
-"""Choices and places that an editor keeps beside the text of a document while it is open."""
+"""Choices and poses that an editor keeps beside the text of a document while it is open."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class BesideDocument:
     Attributes
     ----------
     pin : ``joint`` and ``radial`` clearance [m] of the pin that is worn beside the run, if one is
-    lain : poses of links by the text of the document, also of texts that undo goes back to
+    lain : poses of links by text of the document, those of the undo history included
     """
 
     def __init__(self) -> None:

@@ -92,7 +92,7 @@ def _rows(
         given = value.get(name)
         whole = depth == 0 and not path
         if whole and (facts.many == 'dict' or name in ('links', 'joints', 'drive', 'mechanism')):
-            continue  # they are chosen in the outline
+            continue  # selected in the outline
         row = {
             'path': [*path, name],
             'name': name,

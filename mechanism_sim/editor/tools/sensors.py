@@ -21,7 +21,7 @@ def _on_link(
 
     Parameters
     ----------
-    seat : whether it is at a ``point``, or some way ``along`` an elastic link; else on all of it
+    seat : ``point`` of a link, or ``along`` an elastic link; else the whole link
     """
 
     def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
