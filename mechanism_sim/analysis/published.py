@@ -78,7 +78,7 @@ class PartSummary:
     samples: int  #: number of published instants
     share: dict[str, float]
     ranges: tuple[PublishedRange, ...]  #: known ranges only
-    of_motion: bool  #: whether the ranges are those of the motion, not of the instants
+    of_motion: bool  #: True for ranges of the motion, False for those of instants
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A machine that plays in a notebook, and a family of machines that a slider goes through."""
+"""Playback of a machine in a notebook, and of a family of machines by a slider."""
 
 from __future__ import annotations
 
@@ -104,11 +104,11 @@ def explore(
     Parameters
     ----------
     scene : all that `load_scene` takes
-    path : of the value that changes, such as ``links.rocker.length``
-    values : that it takes, with their units
-    quantity : of the catalogue (``mechanism-sim quantities SCENE``)
-    overrides : of other values of the scene
-    revolutions, duration : of each run; the scene's own if neither is given
+    path : path of the varied value, such as ``links.rocker.length``
+    values : its values, with their units
+    quantity : quantity of the catalogue (``mechanism-sim quantities SCENE``)
+    overrides : overrides of other values of the scene
+    revolutions, duration : length of each run; the scene's own if neither is given
     height : of the frame [pixels]
     """
     if not len(values):

@@ -1,4 +1,4 @@
-"""Starts at singular positions: how a mechanism can move at all, and which way it goes on."""
+"""Starts at singular positions: possible motions, and the choice of a branch."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ALIKE = 1e-6
 
 
 def neighbours(kinematics: Kinematics, q: Array) -> Array:
-    """Some configurations (n, N) beside one of (n,), with the held coordinates moved on.
+    """Configurations (n, N) near one of (n,), with displaced driven coordinates.
 
     The rank of the constraints there is that of the motion, which may be higher than in a
     singular position.

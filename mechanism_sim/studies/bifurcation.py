@@ -206,7 +206,7 @@ def bifurcation(
     vary : lowest and highest value, and their number, by dotted path
     of : quantities of the section: of the catalogue, or of `_OF_IMPACTS` with `at_impacts`
     at_impacts : joint at whose impacts the section is taken, instead of once a turn
-    starts : whether each value also has a run from the scene's own start
+    starts : add a run from the scene's own start at each value
     when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
     """
     check_options(bifurcation, when, *TURNS, words=OF_WORKERS)
@@ -218,7 +218,7 @@ def bifurcation(
     path = parameter.path
     content = machine.scene.to_document()
     changes = [{path: value} for value in values]
-    for ends in (changes[0], changes[-1]):  # what cannot be is refused before anything runs
+    for ends in (changes[0], changes[-1]):  # invalid values are refused before any run
         check_scene(machine.name, content, ends)
     shared = paced(plan, len(values), when)
     tasks = [
@@ -314,7 +314,7 @@ def follow(
             machine = Machine(name, check_scene(name, content, change))
             why = '' if machine.drive.fastest else 'the crank is at rest'
             own = _begin(machine)
-        except InputError as error:  # of a range some values may not be
+        except InputError as error:  # some values of a range may be invalid
             why = str(error)
         if why:
             found.append(_NOTHING | {'note': why, 'value': value, 'branch': branch, 'state': None})
@@ -506,7 +506,7 @@ class _Fall(NamedTuple):
 
     share: float  #: factor of the change in a turn
     left: float  #: remaining change, over the distance within which sections are the same
-    even: bool  #: whether it is monotonic turn by turn, or geometric
+    even: bool  #: True if it is monotonic turn by turn, or geometric
 
 
 class _SectionAccumulator:
@@ -566,7 +566,7 @@ class _SectionAccumulator:
         }
 
     def ends(self, period: int) -> Ends:
-        """The ends of so many turns, the last ones."""
+        """The ends of the last turns, of a given number."""
         ends = np.concatenate(self._ends)
         near = self._near(np.concatenate(self._states))
         return Ends(ends[len(ends) - period :] - self._begin, near, self._turns)
@@ -681,7 +681,7 @@ def _numbered(found: Iterable[Response]) -> list[Response]:
         kinds: list[Response] = []
         for response in by_value[value]:
             alike = (k for k, kind in enumerate(kinds) if same(kind, response))
-            none = bool(response.note) or not response.settled  # what it comes to is not known
+            none = bool(response.note) or not response.settled  # its limit is not known
             number = 0 if none else next(alike, len(kinds))
             if number == len(kinds) and not none:
                 kinds.append(response)

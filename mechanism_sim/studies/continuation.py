@@ -128,7 +128,7 @@ class _Orbit(NamedTuple):
 
 
 class _Shooting:
-    """Fixed points of the map over so many turns at any value, about one angle of the crank.
+    """Fixed points of the map over a number of turns at any value, about a crank angle.
 
     Parameters
     ----------

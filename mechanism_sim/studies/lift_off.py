@@ -19,7 +19,7 @@ from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene import Machine
 
-_FACTOR = 1.15  # between the speeds that are tried
+_FACTOR = 1.15  # ratio of successive trial speeds
 _RANGE = 100.0  # times slower and faster than the scene's
 
 

@@ -1,4 +1,4 @@
-"""A whole sweep: what is missing is computed, what is computed is kept, the table comes last."""
+"""A whole sweep: missing rows are computed and stored, then the table is written."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def run_plan(
     with Journal(table, plan.fingerprint, restart, size=plan.size, keys=keys) as journal:
         every = _tasks(plan, _bag_folder(plan, table, bags), into)
         tasks = [task for task in every if not _is_complete(task, journal.rows.get(task.key))]
-        for task in tasks:  # one without its windows is made anew
+        for task in tasks:  # without its windows a run is repeated
             journal.rows.pop(task.key, None)
         with workers:
             workers.do(tasks, journal, show)
