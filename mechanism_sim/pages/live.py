@@ -60,7 +60,7 @@ class Live:
         self._struck: list[dict[str, Any]] = []
 
     def take(self, message: Any) -> None:
-        """A Motion message; of another run, time begins anew."""
+        """Take a Motion message; time restarts with another run."""
         if foreign(message, self.machine):
             return  # of a run whose scene is not yet received
         if message.run != self.run:
@@ -71,7 +71,7 @@ class Live:
                 self.show_start()
             return
         motion = motion_of(message)
-        if motion.curve.end <= self.time:  # the graph has been started anew
+        if motion.curve.end <= self.time:  # the graph has been restarted
             self.epoch += 1
             self._forget()
         begin = float(motion.curve.start[0])

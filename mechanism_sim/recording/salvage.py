@@ -70,12 +70,12 @@ class Salvage:
     layout : common layout of all records
     closed : True if the file is sound: no damaged chunk, and an index
     losses : skipped bytes
-    tail : bytes at the end that are no whole record
-    cut : True for an incomplete record or zeros, as after a kill
+    tail : bytes at the end without a whole record
+    cut : True if `tail` is an incomplete record or zeros, as after a kill
     places : starts and ends of records with messages
-    attachments : all that could be read
+    attachments : readable attachments
     chunks : number of skipped chunks
-    fished : topics that were read out of damaged chunks, since others have messages of them
+    fished : topics read from damaged chunks, since others have messages of them
     """
 
     layout: FileLayout

@@ -40,7 +40,7 @@ class SummaryRow(NamedTuple):
 
 
 def amount(label: str, value: float, unit: str, digits: int = 6, words: str = '') -> SummaryRow:
-    """Row of a quantity, in the unit in which people read one of its size."""
+    """Row of a quantity, in a unit suitable for its magnitude."""
     shown, scale = for_people(unit, abs(value))
     return SummaryRow(label, number(scale * value, digits), shown, words)
 
@@ -51,7 +51,7 @@ class Section:
 
     Attributes
     ----------
-    title : a line; empty if the section goes on with the one before
+    title : a line; empty if the section continues the one before
     rows : figures below each other
     table : cells, the head first
     notes : sentences

@@ -98,7 +98,7 @@ def animate(
     size: int | tuple[int, int] | None = None,
     **shown: Any,
 ) -> list[Path]:
-    """Write a film of a machine; gives back the files.
+    """Write a film of a machine; returns the files.
 
     >>> import mechanism_sim as ms
     >>> len(ms.animate('slider_crank', 'frames', end='0.1 s', fps='20 Hz', speed=1))

@@ -6,7 +6,7 @@ from mechanism_sim import text_table
 from mechanism_sim.studies.teeth import TrainSearch
 from mechanism_sim.units import counted
 
-#: rows for people; JSON has all
+#: rows of text; JSON has all
 SHOWN = 20
 
 

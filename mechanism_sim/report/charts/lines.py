@@ -51,8 +51,8 @@ TURNS = 3
 _BESIDE = 6  # panels above each other, more are in two columns
 _KINDS = 2  # quantities that an axis names
 _SLACK = 1e-7  # [deg]
-_WHOLE = 0.97  # of a turn that counts as one
-_MARKS = 1500  # places along a panel at which impacts can be told apart
+_WHOLE = 0.97  # share of a turn that counts as a whole one
+_MARKS = 1500  # distinguishable positions of impacts along a panel
 _MANY = 40_000  # points of a line, more are thinned
 _ACROSS = {'x': 'y', 'y': 'x', 'along': 'across', 'across': 'along'}  # components of a vector
 _TRUE = 4.0  # [in] height of a path that is true to scale
@@ -63,7 +63,7 @@ class Abscissa(NamedTuple):
 
     Attributes
     ----------
-    span : of an angle, what is drawn of it [deg]: a turn, or as many as bring all again
+    span : drawn range of an angle [deg]: a turn, or a whole period in turns
     of : the quantity, where it is neither time nor the angle of the drive
     """
 
