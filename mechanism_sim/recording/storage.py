@@ -345,7 +345,7 @@ class BagFile:
 
     Attributes
     ----------
-    path : of what is read; of a compressed file another one, which is kept by `holder`
+    path : path of the read file; for a compressed one that of a copy, which is kept by `holder`
     """
 
     path: Path

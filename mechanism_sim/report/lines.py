@@ -46,7 +46,7 @@ def plot(
 
     Parameters
     ----------
-    names : of `Piece.sample` or `Cycle`, or the first part of several, such as ``normal_force``;
+    names : names of `Piece.sample` or `Cycle`, or the first part of several, as ``normal_force``;
         without any an overview: angles, gaps with their modes, forces, torque
     against : ``'time'``, ``'angle'`` of the first drive, or the name of a quantity: against
         ``position.LINK.POINT.x`` the path of a point is true to scale, against the direction of a

@@ -55,7 +55,7 @@ class Section:
     rows : figures below each other
     table : cells, the head first
     notes : sentences
-    left : how many columns of the table, or which, stand to the left of their width
+    left : number or indices of left-aligned columns of the table
     """
 
     title: str = ''

@@ -78,7 +78,7 @@ class ScenePlan(Names):
     given : values and rates of coordinates that the scene sets outright, and rates that `initial`
         gives of points, for which the start is solved
     floating : the same of coordinates that only the machine with its clearances has
-    assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
+    assumed : coordinates of `begins` with assumed values, and those with assumed rates
     guess : rough values of coordinates
     frictions : dry friction of ideal joints, for a tree of the mechanism
     states : states of first order

@@ -102,8 +102,8 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
 
     Parameters
     ----------
-    nominal : of the machine with rigid links
-    period : of a turn of the main drive [s], at its constant speed
+    nominal : nominal model of the machine with rigid links
+    period : period of a turn of the main drive [s], at its constant speed
     """
     found, plan = _by_turns(nominal, period), nominal.plan
     periods = {c: x.period for c, x in plan.sources.items()}
@@ -149,8 +149,8 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
 
     Parameters
     ----------
-    nominal : of the machine with rigid links
-    period : of a turn of the main drive [s], at its constant speed
+    nominal : nominal model of the machine with rigid links
+    period : period of a turn of the main drive [s], at its constant speed
     """
     plan = nominal.plan
     first = [laws[0] for laws in plan.laws.values()]

@@ -66,7 +66,7 @@ class BranchPoint:
 
     Attributes
     ----------
-    value : of the parameter, in its SI unit
+    value : value of the parameter, in its SI unit
     points : (P, K) section, as of a `Response`
     multipliers : Floquet multipliers, the largest first
     impacts : number of impacts in a period
@@ -92,7 +92,7 @@ class BranchEvent(NamedTuple):
     ----------
     kind : ``fold``, ``flip``, ``torus``, ``grazing``, ``lost`` where Newton's method ends, or
         ``cut`` where a branch has all the points that it may have
-    value : of the parameter, in its SI unit
+    value : value of the parameter, in its SI unit
     joint : joint of a grazing impact
     """
 

@@ -69,7 +69,7 @@ def ensemble(
     skip : revolutions, or a time, of which no figures are made
     measures : ``NAME = TEXT`` or ``TEXT``
     columns : requested figures; default: all of a sweep; others are not computed
-    keep : whether ``solutions`` of the table are the whole runs, polynomials and events; by one
+    keep : True if ``solutions`` of the table are the whole runs, polynomials and events; by one
         worker only
     how : ``workers``, processes: one by default, or None for one for each core, in a script only
         below ``if __name__ == '__main__':``; ``dask``, address of a scheduler, whose workers run

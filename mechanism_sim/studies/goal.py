@@ -124,7 +124,7 @@ class CycleTrial:
 
     Attributes
     ----------
-    content : of the scene, as a file gives it
+    content : keys and values of the scene, as in a file
     how : arguments of `cycle`
     """
 

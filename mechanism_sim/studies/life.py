@@ -80,7 +80,7 @@ class LifePlan:
     Attributes
     ----------
     cycles : largest number of turns of the drive
-    tolerance : of what the clearance grows by in a step, that a step may be off
+    tolerance : allowed error of a step, as a share of the clearance's growth in it
     revolutions, skip : turns of a run that count, and those before them until it has settled
     """
 

@@ -84,7 +84,7 @@ def lyapunov(
     Parameters
     ----------
     scene : all that `load_scene` takes
-    revolutions, skip : that are averaged over; until the motion has settled, and ten more
+    revolutions, skip : number of those averaged, and before; `skip`: default ten after settling
     count : number of exponents
     show : callback with the time [s] of the run so far, and 0
 

@@ -104,7 +104,7 @@ class NormalMode:
 
     Attributes
     ----------
-    roots : of its growth or decay, from which all figures follow
+    roots : roots of its growth or decay, from which all figures follow
     shape : complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1;
         angles are compared with displacements over the size of the mechanism
     whirl : how round the axes of rotors go, from -1, a circle against their rotation, over 0, to
@@ -335,7 +335,7 @@ def derivatives(
     Parameters
     ----------
     held : coordinates that a torque moves, but whose motion is given here
-    rigid : whether preloaded belts and teeth are ideal, too, so that coordinates follow drives
+    rigid : True if preloaded belts and teeth are ideal, too, so that coordinates follow drives
     """
     plan, ideal = machine.plan, machine.plan.ideal
     if not plan.weighed:

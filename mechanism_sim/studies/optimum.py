@@ -45,7 +45,7 @@ class Held(NamedTuple):
     Attributes
     ----------
     text : text as written
-    value, limit : of its measure, in `unit`
+    value, limit : value and limit of its measure, in `unit`
     holds, active : True if the limit holds, and if it is reached
     """
 

@@ -136,7 +136,7 @@ def read_limits(
 
     Parameters
     ----------
-    lists : whether it may also be ``NAME=VALUE,VALUE,...``
+    lists : True if it may also be ``NAME=VALUE,VALUE,...``
     """
     found: dict[str, Limits] = {}
     pairs = vary.items() if isinstance(vary, Mapping) else ()

@@ -70,7 +70,7 @@ class Extent:
 
     Attributes
     ----------
-    skip : what no figure is made of, in the same measure
+    skip : initial part without figures, in the same measure
     """
 
     revolutions: int | None

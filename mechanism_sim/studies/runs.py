@@ -156,9 +156,9 @@ class Workers:
 
     Parameters
     ----------
-    count : of them, one for each core by default; a single one is this process
+    count : number of workers; default: one for each core; a single one is this process
     dask : address of a scheduler, whose workers do it instead
-    apart : whether a single one is a process of its own, whose end is not that of this one
+    apart : True if a single one is a process of its own, whose end is not that of this one
     lost : action if a process dies
     """
 

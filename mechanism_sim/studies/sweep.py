@@ -67,7 +67,7 @@ def sweep(
     source : a sweep of the package, the path of a file, or its keys and values as a dictionary
     file : table to write, with a journal from which an interrupted sweep goes on; none if not
         given
-    scene : of all runs, if `source` has none: all that `load_scene` takes
+    scene : scene of all runs, if `source` has none, in any form for `load_scene`
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
     workers : processes, a single one this process; None for one for each core, in a script only
         below ``if __name__ == '__main__':``, as two and more

@@ -421,7 +421,7 @@ class Losses:
 
     Attributes
     ----------
-    predictions : by the criteria of [SB] 3.5 and by the clearance link
+    predictions : predictions by the criteria of [SB] 3.5 and by the clearance link
     turns : turns of the crank from the start to each loss of contact
     """
 

@@ -166,7 +166,7 @@ class ForceCycle:
     Attributes
     ----------
     curve : Fourier series of the two components [N]
-    speed : of the crank [rad/s], with its sign
+    speed : speed of the crank [rad/s], with its sign
     resolution : number of points in a turn that show every swing of the force
     """
 
@@ -183,7 +183,7 @@ class ForceCycle:
         Parameters
         ----------
         force : components (2, N) [N] at crank angles (N,) [rad], of period 2 pi
-        speed : of the crank [rad/s], with its sign
+        speed : speed of the crank [rad/s], with its sign
         what : name of the function, as for `resolve`
         """
         series = resolve(force, what)

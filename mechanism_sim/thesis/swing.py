@@ -180,7 +180,7 @@ class Severity(NamedTuple):
     Attributes
     ----------
     between : at the instants of samples, without impacts [rad/s^2]
-    by_mesh : of means over the steps `MESHES` of the crank, impacts included [rad/s^2]
+    by_mesh : for means over the steps `MESHES` of the crank, impacts included [rad/s^2]
     heard : at the output of the chain, without noise [rad/s^2]
     """
 

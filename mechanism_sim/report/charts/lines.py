@@ -144,7 +144,7 @@ def colours(names: Iterable[str], numbers: Mapping[str, int]) -> Iterator[int]:
     Parameters
     ----------
     names : ``velocity.crank``, ``reaction.crank_coupler.x``
-    numbers : of links and joints
+    numbers : colour numbers of links and joints
     """
     others = count()
     for name in names:
@@ -160,9 +160,9 @@ def panels(
 
     Parameters
     ----------
-    numbers : of links and joints, for their colours
+    numbers : colour numbers of links and joints
     impact_times : (N,) times that are marked [s]
-    reach : by name places [deg], least and greatest values (3, N) there of all turns, SI
+    reach : (3, N) by name: angles [deg], least and greatest values there over all turns, SI
     """
     owners = {s.line: f'{s.name}.{s.of}' for s in series}
     shades = dict(zip(owners, colours(owners.values(), numbers), strict=True))
@@ -375,7 +375,7 @@ def chart(
 
     Parameters
     ----------
-    numbers : of links and joints, for their colours
+    numbers : colour numbers of links and joints
     impacts : (N,) times that are marked [s]
     """
     bands = [] if over.kind != 'time' else [s for s in series if s.name.startswith('mode.')]
