@@ -1,4 +1,4 @@
-"""Figures of the instants that were published: where the motion is not recorded, or says less.
+"""Figures of published instants, for bags without the motion or quantities beyond it.
 
 Loads have the names of the catalogue, as where they are taken from a motion (`LoadPeaks`).
 """
@@ -169,7 +169,7 @@ class PublishedParts:
 
 
 def names_of_parts(machine: Machine) -> Iterator[str]:
-    """The quantities of cams, gears and Geneva wheels whose ranges are wanted."""
+    """The quantities of cams, gears and Geneva wheels with computed ranges."""
     known = catalogue(machine)
     for kind in kinds_of(machine).values():
         for joint in kind.joints(machine):

@@ -66,7 +66,7 @@ class Document:
 
     @classmethod
     def dropped(cls, name: str, text: str) -> Document:
-        """A file of any program that nobody keeps, by name and text: it is saved in the folder."""
+        """Document of an uploaded file of any program, by name and text, saved in the folder."""
         name = Path(name).name
         if Path(name).suffix.lower() not in ('.yaml', '.yml') and not is_importable(name):
             raise InputError(
@@ -218,7 +218,7 @@ def _stays(file: Path) -> bool:
     """True if a name leads to a place below the folder of the program, with all links followed."""
     try:
         return file.resolve().is_relative_to(Path().resolve())
-    except (OSError, RuntimeError, ValueError):  # what it is no name for is said when it is opened
+    except (OSError, RuntimeError, ValueError):  # invalid names are reported on opening
         return True
 
 
@@ -227,7 +227,7 @@ def _nobody(_change: str, _value: Any) -> None:
 
 
 def _text_there(file: Path) -> str | None:
-    """Text of a file, as far as a document may hold it; None if none can be read so."""
+    """Text of a file, if a document may hold it; None if it cannot be read."""
     try:
         return documents.bytes_of(file, documents.LARGEST).decode(errors='replace')
     except FileNotFoundError:

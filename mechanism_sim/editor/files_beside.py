@@ -24,7 +24,7 @@ FORMATS = {
 
 
 class FilesBeside:
-    """Makes one file after the other, beside that of the document.
+    """Queue of files that are made in sequence, beside that of the document.
 
     Parameters
     ----------

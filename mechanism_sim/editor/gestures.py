@@ -228,7 +228,7 @@ def _needs(
 
 
 def written_out(scene: Scene, content: Mapping[str, Any]) -> list[Edit]:
-    """Edits that make a four-bar in short the linkage that it stands for."""
+    """Edits that expand a four-bar in short form to its linkage."""
     if content.get('mechanism') != 'four_bar':
         return []
     edits = [Edit(('mechanism',), 'linkage')]

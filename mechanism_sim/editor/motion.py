@@ -47,7 +47,7 @@ class IdealForces(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """Physics of an ideal machine, as a `JointView` asks for it."""
+    """Physics of an ideal machine, as required by a `JointView`."""
 
     coordinates: tuple[str, ...]
     joints: tuple[str, ...]

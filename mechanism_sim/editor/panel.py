@@ -149,7 +149,7 @@ def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
 
 
 def _default(field: Any, facts: Facts) -> str:
-    """Value that holds without a key, as far as it is a plain one."""
+    """Default value of a key, if it is a plain one."""
     value = field.default
     if field.is_required():
         return 'needed'

@@ -45,7 +45,7 @@ class DocumentPicture(NamedTuple):
         return drawing.handles(self.scene, self.poses)
 
     def handle(self, key: Any) -> Handle:
-        """The handle of a key; it may have gone since a page was drawn."""
+        """The handle of a key; InputError if it does not exist any more."""
         for handle in self.handles:
             if handle.key == key:
                 return handle

@@ -1,4 +1,4 @@
-"""A machine with a pin that has worn, beside the one that is drawn."""
+"""A machine with a worn pin, compared with the drawn one."""
 
 from __future__ import annotations
 

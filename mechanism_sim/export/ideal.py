@@ -76,7 +76,7 @@ class Ideal:
             if not in_slot(joint):
                 joints.append(joint)
                 continue
-            assert joint.line  # noqa: S101 - in_slot has seen it
+            assert joint.line  # noqa: S101 - checked by in_slot
             block = f'{joint.name}.block'
             bodies.append(self._weighed(Body(block, 0.0, 0.0, (0.0, 0.0))))
             joints += [

@@ -46,7 +46,7 @@ _SURFACE = 180  # points of a worn surface
 class StageFrames:
     """A machine at N instants.
 
-    L moving links, B loose bearings, W other plays, J joints, K of them higher pairs.
+    L moving links, B loose bearings, W other clearances, J joints, K of them higher pairs.
 
     Attributes
     ----------

@@ -139,7 +139,7 @@ class Integration:
 
     def observe_latest(self) -> tuple[float, Observation]:
         """The last time [s] of the known motion, and the observation of the machine then."""
-        assert self._latest is not None  # noqa: S101 - who asks has looked whether it has `begun`
+        assert self._latest is not None  # noqa: S101 - callers have checked `begun`
         curve = self._latest.curve
         t = min(self._known, float(curve.end))
         return t, self._machine.physics.observe(self._latest, *curve.find(np.array([t])))

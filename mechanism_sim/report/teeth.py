@@ -11,7 +11,7 @@ SHOWN = 20
 
 
 def render(search: TrainSearch) -> str:
-    """The best ones as a table, how many there are, and what was searched."""
+    """The best choices as a table, their number, and the searched range."""
     found = search.found
     rows = [('teeth', 'ratio', '', 'error', 'in all')]
     for choice in found[:SHOWN]:

@@ -38,7 +38,7 @@ _MOMENT = 1e-6  # [s] of which no more than the start is looked at
 def load_scene(
     source: Source, overrides: Mapping[str, Any] | str | Iterable[str] = (), name: str = 'scene'
 ) -> Machine:
-    """A scene ready to run: one of the package by name, or your own, in whatever form it is.
+    """A scene ready to run: one of the package by name, or your own, in any form.
 
     Numbers are in SI units, text has units as in files (``'64 mm'``); numbers and arrays of NumPy
     and quantities of pint are taken as well.

@@ -193,7 +193,7 @@ def bifurcation(
     show: Show | None = None,
     **when: int,
 ) -> Bifurcation:
-    """Sections of the motion over a parameter that goes up and down.
+    """Sections of the motion over a parameter swept up and down.
 
     >>> import mechanism_sim as ms
     >>> found = ms.bifurcation('four_bar_clearance', {'drive.speed': ('100 rpm', '120 rpm', 2)},
@@ -294,7 +294,7 @@ def follow(
     branch: str,
     shared: SectionPlan | None = None,
 ) -> Row:
-    """Responses at values of a key in their order, each from where the one before came to.
+    """Responses at values of a key in order, each started from the end of the one before.
 
     Those of the branch `START` begin as their scenes say.
 
@@ -510,7 +510,7 @@ class _Fall(NamedTuple):
 
 
 class _SectionAccumulator:
-    """Sections of a run that comes in pieces."""
+    """Sections of a run, taken piece by piece."""
 
     def __init__(self, machine: Machine, own: Array, plan: SectionPlan) -> None:
         self._plan, self._turn, self._begin = plan, machine.drive.period, own
@@ -545,7 +545,7 @@ class _SectionAccumulator:
         return np.asarray(np.minimum(left[left <= curve.end * (1.0 + 1e-12)], curve.end))
 
     def found(self, turns: int, settled: int) -> dict[str, Any]:
-        """Period, section and impacts per turn of the last turns of so many, as plain data."""
+        """Period, section and impacts per turn of the last of a number of turns, as plain data."""
         keep, states = settled or self._plan.keep, np.concatenate(self._states)
         p = self._told(states, settled)
         kept = p or keep
@@ -661,7 +661,7 @@ class _SectionAccumulator:
 
 
 def read_response(row: Mapping[str, Any], width: int) -> Response:
-    """A response of a row; its section has so many quantities."""
+    """A response of a row; its section has a given number of quantities."""
     points = np.array(row['points'], dtype=float).reshape(-1, width)
     returns = np.array(row['returns'], dtype=float)
     returns = returns.reshape(len(returns), -1) if len(returns) else np.empty((0, 0))

@@ -62,9 +62,9 @@ class Finding:
     ----------
     parameter, goal : varied parameter, and its goal
     unit : unit of the figure
-    wanted : value of the figure; None if it was to be least, or greatest
+    wanted : target value of the figure; None for the least, or the greatest
     curve : (value, figure) in the order of values, not a number where there is none
-    found : every crossing of the wanted value that the curve shows, or the least
+    found : all crossings of the wanted value by the curve, or the least
     failed : values at which the machine cannot be or run, and why
     evaluations : cycles that were computed
     """
@@ -85,7 +85,7 @@ class Finding:
 
     @property
     def successful(self) -> bool:
-        """True if there is a value that gives what is wanted."""
+        """True if a value gives the wanted figure."""
         return bool(self.found)
 
     @property

@@ -84,7 +84,7 @@ def lyapunov(
     Parameters
     ----------
     scene : all that `load_scene` takes
-    revolutions, skip : number of those averaged, and before; `skip`: default ten after settling
+    revolutions, skip : number averaged, and skipped before: those for settling, and ten more
     count : number of exponents
     show : callback with the time [s] of the run so far, and 0
 

@@ -101,7 +101,7 @@ class Optimum:
 
     @property
     def successful(self) -> bool:
-        """True if the values give what is wanted, and constraints hold."""
+        """True if all wanted values are reached, and constraints hold."""
         wanted = any(x is not None for x in self.wanted.values())
         return all(c.holds for c in self.constraints) and (self.reached or not wanted)
 

@@ -40,7 +40,7 @@ class SweepTask:
 
     Attributes
     ----------
-    wanted : columns of the row; what takes long and is not among them is not computed
+    wanted : columns of the row; expensive ones not among them are not computed
     refused : why there is no run, as `plan.Run` has it
     keep : include the whole run as `SOLUTION`
     """

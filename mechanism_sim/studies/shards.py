@@ -55,7 +55,7 @@ class Shard:
 
     @property
     def count(self) -> int:
-        """Number of windows written so far."""
+        """Number of windows written until now."""
         return int(pq.read_metadata(self.file).num_rows) if self.file.exists() else 0
 
     def overloads(self) -> dict[str, int]:

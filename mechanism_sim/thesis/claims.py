@@ -192,7 +192,7 @@ def _ends(
     name: Callable[[Repeats], str],
     expected: str,
 ) -> tuple[Comparison, ...]:
-    """The first run of each row beside its last."""
+    """Comparison of the first run of each row with its last."""
     return tuple(
         Comparison(
             where(runs[0]), (name(runs[0]), name(runs[-1])), expected, figure.of(runs[0]),
@@ -207,7 +207,7 @@ def _steps(
     figure: _Figure, runs: Sequence[Repeats], names: Sequence[str], where: str,
     expected: Sequence[str],
 ) -> tuple[Comparison, ...]:  # fmt: skip
-    """Each run beside the next."""
+    """Comparison of each run with the next."""
     values = [figure.of(x) for x in runs]
     return tuple(
         Comparison(where, ends, wanted, *pair)

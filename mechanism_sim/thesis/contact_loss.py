@@ -32,7 +32,7 @@ Left out are terms of the order m c w^2 beside F, with the speed w of the crank.
 small too, but it works like a damping of either sign: in the course of a turn it changes the
 swings of the link by a part of their own size that does not shrink with the clearance.
 
-- `turning_link`: N if the link turned as the force does, eta = gamma. For a mass that is the same
+- `turning_link`: N if the link rotated with the force, eta = gamma. For a mass that is the same
   in all directions, without H, that is more than R: a loss needs a link that does *not* follow.
 - `lagging_link`: the lag of a link that turns as the force does, ``R sin(lag) = m_tt c gamma'' -
   m_tn c gamma'^2 + H_tt c gamma'``. Where the sine would have to exceed 1, the link falls behind.
@@ -324,7 +324,7 @@ def follow(
 ) -> PinFollowing:
     """Integrate the direction of a clearance link under compression, until detachment.
 
-    It starts in the direction of the force, as [SB] 3.4 and the scenes with ``start: seated`` do.
+    It starts in the direction of the force, as in [SB] 3.4 and scenes with ``start: seated``.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def _in_joint(
     values: Mapping[str, Any],
     play: Mapping[str, Any] | None = None,
 ) -> Tool:
-    """Tool that puts a sensor into a joint, with some of its keys; `play` if it must be loose."""
+    """Tool that puts a sensor with some keys into a joint, and `play` if the pin has none."""
 
     def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
         if start.handle is None or not start.handle.joint:
