@@ -23,7 +23,7 @@ _SCALES = {
 
 
 class Display(SimulationNode):
-    """Publishes ``markers`` and ``force_markers``.
+    """Node that publishes ``markers`` and ``force_markers``.
 
     Parameters of the node, besides those of every node: ``force_scale`` [m/N], length of arrows
     per force, 0: the largest of the first cycle fits half the machine;

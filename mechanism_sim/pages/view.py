@@ -47,7 +47,7 @@ def print_address(address: str) -> None:
 
 
 class ViewNode(DescribedNode):
-    """Shows the machine that runs, and passes on what is asked of it; no node waits for this one.
+    """Node that shows the running machine and forwards requests; no node waits for this one.
 
     Parameters of the node: ``port`` of the web server, 0 for any that is free; ``open``, to open
     a browser.
