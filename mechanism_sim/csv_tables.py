@@ -72,7 +72,7 @@ class CsvTable:
     where : begins each sentence about it: file and key that name it, and its own name
     heading : first line
     cells : texts of each column, from the first row on
-    units : by column as its heading has it; empty for none
+    units : units by column, as in its heading; empty for none
     lines : line of the file that each row is on, or its number
     """
 

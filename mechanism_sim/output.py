@@ -55,7 +55,7 @@ def beside(path: Path | str, devices: bool = True) -> Iterator[Path]:
 
     Parameters
     ----------
-    devices : whether devices and pipes are written themselves; else they are refused
+    devices : True if devices and pipes are written themselves; else they are refused
     """
     named = Path(path)
     with errors_as_sentences(named):
@@ -137,9 +137,9 @@ def check_path(option: str, file: Path | str, *suffixes: str, new: bool = False)
 
     Parameters
     ----------
-    option : of the command line, for the message
-    suffixes : of which its ending is one
-    new : whether nothing may be there
+    option : option of the command line, for the message
+    suffixes : allowed endings
+    new : True if no file may exist
     """
     path = Path(file)
     if path.suffix not in suffixes:

@@ -37,8 +37,8 @@ def read_range(
 
     Parameters
     ----------
-    counted : whether a number of values follows
-    lists : whether it may be a list as well
+    counted : True if a number of values follows
+    lists : True if it may be a list as well
     name : ``NAME=`` if the text has it in front; it is not read
     """
     rest = text[len(name) :] if text.startswith(name) else ''

@@ -55,11 +55,11 @@ class ChannelSamples:
 
     Attributes
     ----------
-    name : of the channel
+    name : name of the channel
     times : (N,) [s], rising
     values : (N,) in `unit`
     unit : as the file has it; empty if it has none
-    digit : of the last place to which times are printed [s]; 0 where they are not
+    digit : last printed place of times [s]; 0 if they are not printed
     """
 
     name: str
@@ -172,7 +172,7 @@ def read_signals(
     Parameters
     ----------
     full_scale : quantity with a unit of the largest number of a WAV, as ``'50 m/s^2'``
-    scaled : whether whole numbers of a WAV are refused without it
+    scaled : True if whole numbers of a WAV are refused without it
     rate : quantity with a unit of a table without times, as ``'12 kHz'``
     """
     path = Path(path)

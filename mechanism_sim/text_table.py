@@ -16,9 +16,9 @@ def lines(
     Parameters
     ----------
     rows : the head first, if there is one; numbers get six digits
-    left : how many columns, or which, stand to the left of their width; the others to the right
+    left : number or indices of left-aligned columns; the others are right-aligned
     indent : before each line
-    rule : whether a line of hyphens follows the first row
+    rule : True if a line of hyphens follows the first row
     """
     cells = [[f'{x:.6g}' if isinstance(x, float) else str(x) for x in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

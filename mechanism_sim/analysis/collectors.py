@@ -140,7 +140,7 @@ class MessageAccountsCollector:
 
     def __init__(self) -> None:
         self._last: dict[str, Any] = {}
-        self.end: float | None = None  #: [s] time up to which the furthest node came
+        self.end: float | None = None  #: time reached by the most advanced node [s]
 
     def add(self, message: Any) -> None:
         """Enter the report of a node."""
@@ -232,7 +232,7 @@ class VibrationCollector:
 
         Parameters
         ----------
-        turned : revolutions of the crank by times (N,) [s]; nan where they are not known
+        turned : function of times (N,) [s]: revolutions of the crank; nan if unknown
         """
         found = []
         for name, (collector, moments) in sorted(self._sensors.items()):
@@ -261,7 +261,7 @@ class Signal:
 
     Attributes
     ----------
-    quantity : one of `QUANTITIES`
+    quantity : measured quantity, one of `QUANTITIES`
     rate : [Hz]
     starts : time of the first sample of each run [s]
     runs : samples (N,) of each run
@@ -317,7 +317,7 @@ class Signal:
 
         Parameters
         ----------
-        turned : revolutions of the shaft by times (N,) [s]; nan where they are not known
+        turned : function of times (N,) [s]: revolutions of the shaft; nan if unknown
         per_turn : angles in a turn, see `at_equal_angles`
         """
         angles = [turned(t) for t in self.times]

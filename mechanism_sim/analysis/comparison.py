@@ -64,7 +64,7 @@ def compare(*records: Record) -> list[Difference]:
     found = []
     for key in dict.fromkeys(key for own in figures for key in own):
         subject, _, _, unit = key
-        # a machine without play, or in which nothing strikes, has none, rather than unknown ones
+        # without clearance or impacts there are none, rather than unknown ones
         missing = 0.0 if subject == 'impacts' else math.nan
         if subject != 'impacts' or impacts:
             name = ' '.join(x for x in key[1:3] if x)
@@ -103,7 +103,7 @@ def _impacts(record: Record) -> dict[Key, float]:
 
 
 def _peaks(record: Record) -> dict[Key, float]:
-    """The largest force in each joint and effort of each drive, between impacts, and how long."""
+    """The largest force of each joint and effort of each drive, between impacts; durations."""
     peaks = LoadPeaks(record.machine, record.start, shapes=True)
     peaks.add(record.piece.motion)
     straight = record.piece.physics.displacements
@@ -167,7 +167,7 @@ def _of_whole_turns(record: Record, signal: Signal) -> LineSpectrum | None:
         return None
     span = drive.repetition.turns * drive.period * signal.rate
     whole = int((len(x) + 0.5) / span)
-    if not whole:  # as of a drive at rest
+    if not whole:  # as for a drive at rest
         return None
     x = x[: round(span * whole)]
     return power([x], signal.rate, len(x), 'boxcar')
@@ -204,7 +204,7 @@ def texts(d: Difference) -> Iterator[str]:
 
 
 def scene_differences(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
-    """Keys that are not the same in all scenes: their values as people write them, by path."""
+    """Values, as written, of keys that differ between scenes, by path."""
     leaves = [dict(_leaves(as_written(scene))) for scene in scenes]
     found = {}
     for path in dict.fromkeys(path for own in leaves for path in own):

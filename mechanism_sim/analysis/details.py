@@ -88,7 +88,7 @@ class SignalSpectrum:
 
         Parameters
         ----------
-        rate : where the first order of the drive lies; None if that is not known
+        rate : frequency of the drive's first order [Hz]; None if unknown
         """
         x, values = self.spectrum.frequency, self.spectrum.values
         end = min(float(x[-1]), ORDERS * (rate or np.inf))
@@ -196,7 +196,7 @@ def find_details(
     Parameters
     ----------
     against : another run, whose deviations the deviations are divided by
-    channels : numbers in messages that are wanted beside signals of sensors, by name
+    channels : requested numbers in messages, besides signals of sensors, by name
     """
     skip = wanted.skip
     begin, rate = record.begin(skip), record.rate if record.has_turns else None
@@ -233,7 +233,7 @@ def find_details(
 
 
 def channel_details(channels: Mapping[str, ChannelSamples], wanted: Wanted) -> Details:
-    """Results of a request to a file of signals, which knows no machine."""
+    """Results of a request to a file of signals, without a machine."""
     of_runs = {
         'orders': wanted.orders, 'average': wanted.averages, 'impacts-on': wanted.impacts,
         'wear': wanted.wear, 'deviation': wanted.deviations,

@@ -34,7 +34,7 @@ class Deviation:
 
     Attributes
     ----------
-    own, ideal : over the angle of the drive, (K, n) each
+    own, ideal : (K, n) values over the angle of the drive
     """
 
     quantity: str
@@ -117,7 +117,7 @@ def ideal_record(record: Record, since: float | None = None) -> Record:
 
     Parameters
     ----------
-    since : from when on it is wanted [s]; from the start of the run if not given
+    since : start of the range [s]; default: that of the run
     """
     ideal = ideal_machine(record.machine)
     again, period = ideal.drive.repetition, ideal.drive.period
@@ -127,7 +127,7 @@ def ideal_record(record: Record, since: float | None = None) -> Record:
         return Record(ideal, simulate(ideal, duration=record.end), {})
     skipped = often * again.turns * period
     run = simulate(ideal, duration=max(record.end - skipped, again.turns * period))
-    # the motion so many repetitions later: angles by whole turns
+    # the motion some repetitions later: angles by whole turns
     curve, slides = run.motion.curve, run.physics.displacements
     first, last = curve(np.array([0.0, skipped / often]))
     angles = ~np.isin(run.physics.coordinates, [*slides])
@@ -147,7 +147,7 @@ def deviation(
     ----------
     quantity : a name of `Piece.sample`, such as ``acceleration.coupler``, or of a sensor, whose
         ideal signal comes through the same instrument without its noise
-    samples : angles in a turn; 1024 unless told, of a sensor as many as it has samples in a turn
+    samples : number of angles in a turn; default: 1024, for a sensor its samples in a turn
     skip : whole turns at the start that are left out
     """
     n = samples or (None if quantity in record.sensors else _SAMPLES)

@@ -77,9 +77,9 @@ def measurements(
     Parameters
     ----------
     files : bags, or files of `signal_files`
-    scenes : one for all files, or one for each of them; without any, those the bags hold
-    overrides : of every scene
-    sensor : of a scene, or a quantity
+    scenes : one for all files, or one for each of them; default: those in the bags
+    overrides : overrides of every scene
+    sensor : name of a sensor of the scene, or of a quantity
     skip : samples before this time are left out [s]
     channel, full_scale, rate : as for `read_signals`; of a bag a path ``TOPIC.FIELD``. Without a
         channel all that are named like sensors or quantities of the scene, of a bag without
@@ -148,7 +148,7 @@ def _chosen(
     known = [*machine.scene.sensors, *catalogue(machine)]
     if channel or sensor:
         named = sensor or channel or ''
-        if named not in known:  # what is meant comes before which channel it is
+        if named not in known:  # check the name before the channel
             raise InputError(
                 f"{machine.name} has neither a sensor nor a quantity '{named}'"
                 f'{nearest(named, known)}: name it by --sensor'

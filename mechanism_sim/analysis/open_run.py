@@ -43,7 +43,7 @@ from mechanism_sim.tables import Table
 from ros_interfaces.definitions import MessageError, field_descriptions
 
 _STATES = 'sensor_msgs/msg/JointState'
-_KINDS = 'position', 'velocity', 'effort'  # of its numbers
+_KINDS = 'position', 'velocity', 'effort'  # kinds of its numbers
 
 
 class MessageRun:
@@ -227,7 +227,7 @@ class Asked:
     ----------
     bag : path of the bag, if it is recorded
     record : the run itself; by default read from the bag when first needed
-    namespace : of the machine, and of topics that do not begin with a slash
+    namespace : namespace of the machine, and of topics without a leading slash
     """
 
     def __init__(
@@ -262,7 +262,7 @@ class Asked:
 
         Parameters
         ----------
-        also : of another run, at whose instants quantities of the motion are wanted, too
+        also : series of another run, whose instants are added for quantities of the motion
         """
         of_motion = names, start, end, also
         found = self.messages.find(names) if self.messages else self._found(*of_motion)
@@ -350,7 +350,7 @@ class Asked:
             yield from _names_in(self._bag)
 
     def _chosen(self, name: str) -> list[str]:
-        """Names of the quantities of the motion that a name stands for."""
+        """Names of the quantities of the motion for a name, of one or several."""
         try:
             return self.record.piece.catalogue.choose([name])
         except InputError:
@@ -365,7 +365,7 @@ class Asked:
 
 
 def _path_in(bag: Bag, name: str, namespace: str | None = None) -> MessagePath | None:
-    """The path into messages of a bag that a name stands for, if it does."""
+    """The path into messages of a bag for a name, if there is one."""
     path = parse(name, bag.topics)
     if path is None or not path.steps:
         return None

@@ -1,4 +1,4 @@
-"""Figures of the instants that were published: where the motion is not recorded, or says less.
+"""Figures of published instants, for bags without the motion or quantities beyond it.
 
 Loads have the names of the catalogue, as where they are taken from a motion (`LoadPeaks`).
 """
@@ -78,7 +78,7 @@ class PartSummary:
     samples: int  #: number of published instants
     share: dict[str, float]
     ranges: tuple[PublishedRange, ...]  #: known ranges only
-    of_motion: bool  #: whether the ranges are those of the motion, not of the instants
+    of_motion: bool  #: True for ranges of the motion, False for those of instants
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class PublishedParts:
 
 
 def names_of_parts(machine: Machine) -> Iterator[str]:
-    """The quantities of cams, gears and Geneva wheels whose ranges are wanted."""
+    """The quantities of cams, gears and Geneva wheels with computed ranges."""
     known = catalogue(machine)
     for kind in kinds_of(machine).values():
         for joint in kind.joints(machine):

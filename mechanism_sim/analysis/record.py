@@ -2,7 +2,7 @@
 
 The summary of a bag needs one pass and little memory. What is asked for here needs the machine,
 rebuilt from the recorded scene, and all of the motion: then everything that can be asked of a
-simulation can be asked of a bag: scene and polynomials are all that a solution consists of, so
+simulation is available of a bag: scene and polynomials are all that a solution consists of, so
 forces and signals need not be recorded.
 """
 
@@ -147,7 +147,7 @@ class Revolutions(Rich):
     def turns(self) -> tuple[int, int]:
         """The whole turns from angle zero to angle zero within the motion: from, and up to."""
         first, last = self.turned(np.array([self.start, self.end]))
-        slack = _END + 4.0 * float(np.spacing(self.end)) * abs(self.rate)  # of a start far off
+        slack = _END + 4.0 * float(np.spacing(self.end)) * abs(self.rate)  # for a distant start
         return math.ceil(first - slack), math.floor(last + slack)
 
     def whole_turns(self, skip: int = 0) -> tuple[int, int]:
@@ -230,7 +230,7 @@ class Record(Revolutions):
 
     Attributes
     ----------
-    piece : its motion and events; sampled as a solution is
+    piece : motion and events of the run, sampled like a solution
     signals : signals of the sensors by name, if recorded or requested
     audit : energy balance of motion and impacts, if the record was read from a bag
     wall_time : wall-clock duration of the recording [s], where known
@@ -317,7 +317,7 @@ class Record(Revolutions):
         Parameters
         ----------
         quantity : a name of `Piece.sample`, such as ``acceleration.coupler``, or of a sensor
-        samples : angles in a turn; 360 unless told, of a sensor its samples in a turn
+        samples : number of angles in a turn; default: 360, for a sensor its samples in a turn
         skip : whole turns at the start that are left out
         """
         first, end = self.whole_turns(skip)
@@ -423,7 +423,7 @@ def loose_bearing(record: Record, joint: str) -> str:
 def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     """A bag as a record: one pass, all of the motion in memory."""
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    find_topics(bag, namespace)  # that there is one machine, before its scene is asked for
+    find_topics(bag, namespace)  # checks for a single machine before reading its scene
     machine = machine_of(bag, namespace)
     sensors, growing = SignalCollectors(), None
     impacts, changes = list[Impact](), list[ModeChange]()
@@ -541,7 +541,7 @@ def pieces(
             begins = message.run, math.inf, 0.0
             if curve := motion.curve if len(motion) else None:  # far off a start needs both
                 begins = message.run, float(curve.start[0]), float(curve.start_low[0])
-            if begins <= last and begins[0] == last[0]:  # who is no part of the run has sent it
+            if begins <= last and begins[0] == last[0]:  # sent from outside the run
                 warnings.warn(
                     f'{bag.path}: a message of the motion that begins at {instant(begins[1])} s, '
                     f'after one that begins at {instant(last[1])} s, is left out',

@@ -26,7 +26,7 @@ from mechanism_sim.results.bearing_wear import shared, wear_sums
 from mechanism_sim.results.turns import impact_means, impacts_by_turn
 
 MARKED = 6  #: number of marked impacts, as in [SB] 8.11
-_SECTORS = 72  # of a circle, in maps of wear
+_SECTORS = 72  # sectors of a circle, in maps of wear
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Rose:
         slides, whose angle is not a number
     normal_impulse, tangential_impulse : [N s]
     approach_speed : [m/s]
-    on_pin, on_bushing : direction of the place struck, in the frame of the pin's and of the
+    on_pin, on_bushing : direction of the impact position, in the frame of the pin's and of the
         bushing's link [rad] in (-pi, pi]
     in_world : direction of the contact point in the world
     """
@@ -222,8 +222,8 @@ def wear_maps(
 
     Parameters
     ----------
-    pin_radius : [m]; that of the scene unless told. Of a pin without friction it does not change
-        the motion, but it does how far surfaces slide
+    pin_radius : radius of the pin [m]; default: the scene's. Without friction it has no effect
+        on the motion, but on the sliding distance
     skip : whole turns at the start that are left out
 
     Returns

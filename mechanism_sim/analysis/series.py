@@ -68,8 +68,8 @@ class Series:
     name : requested name, with the part of it
     unit : SI unit; empty for a number, two with an ``or`` if undetermined
     t, values : (N,) [s], and in the unit
-    events : whether values hold at their instants only
-    ideal : whether it belongs to the same machine with ideal joints
+    events : True if values hold at their instants only
+    ideal : True for the same machine with ideal joints
     words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
     run : name of its run, if there are several
     """
@@ -201,7 +201,7 @@ class _Collector:
             filters = ' and '.join(str(step) for step in path.steps if isinstance(step, Filter))
             what = f' with {filters}' if filters else ''
             raise InputError(f"'{path.text}': {bag.path} has no value{what} on {path.topic}")
-        if self._unstamped > 1:  # of a simulation the first may be 0
+        if self._unstamped > 1:  # the first of a simulation may be 0
             share = 'all' if self._unstamped == self._messages else f'{self._unstamped} of'
             assume(
                 f'{bag.path}: {share} {self._messages} messages of {path.topic} have no stamp: '
@@ -290,7 +290,7 @@ def drawn(
     Parameters
     ----------
     rate : turns of the drive per second [Hz]
-    also : of another run, at whose instants they are wanted, too
+    also : series of another run, whose instants are added
     """
     piece, known = run.solution if isinstance(run, Cycle) else run, catalogue(run.machine)
     t = instants(piece, start, end, _PER_TURN * abs(rate), _FEWEST, _MOST)

@@ -204,7 +204,7 @@ def _table(
     turned: Array,
     revolutions: float,
 ) -> RevolutionTable:
-    """The table of impacts that happened after `turned` revolutions in given columns."""
+    """The table of impacts after `turned` revolutions, in given columns."""
     rows = max(1, int(np.ceil(revolutions - _SLACK)))
     known = np.isfinite(turned)
     row = np.clip(np.floor(turned[known] + _SLACK), 0, rows - 1).astype(np.int64)
@@ -344,7 +344,7 @@ class LoadPeak:
     #: duration [s] of the load above half of the peak, as far as the motion is known
     duration: float | None = None
     impulse: float | None = None  #: integral of the magnitude over that time [N s, N m s]
-    whole: bool = True  #: whether the load was below half of the peak before and after
+    whole: bool = True  #: True if the load was below half of the peak before and after
 
 
 @dataclass(frozen=True)
@@ -375,7 +375,7 @@ def load_summary(
     ----------
     peaks, shapes : peaks and their shapes by the names of the catalogue
     crank_angle : angle [rad] of the crank at a time [s]
-    slides : whether the main drive slides, by a force
+    slides : True if the main drive slides, by a force
     """
     found: dict[str, list[LoadPeak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
     for name, (value, time) in peaks.items():
@@ -437,7 +437,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
 
     Parameters
     ----------
-    namespace : of the machine, where a bag holds several, as '/left'
+    namespace : namespace of the machine, if the bag has several, as '/left'
 
     Raises
     ------
@@ -516,7 +516,7 @@ class _Channels:
 
     Parameters
     ----------
-    machine : None where there is none, or nothing to be read
+    machine : machine of the bag; None if there is none, or it is not readable
     vibration : gathers the samples
     """
 

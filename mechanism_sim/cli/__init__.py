@@ -1,4 +1,4 @@
-"""The command line: commands are grouped by what they are about, each beside its options."""
+"""The command line: commands by subject, each beside its options."""
 
 from mechanism_sim.cli.entry import main
 

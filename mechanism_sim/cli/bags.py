@@ -171,7 +171,7 @@ def _wanted(options: argparse.Namespace) -> Wanted:
 
 
 def _analyze_signals(options: argparse.Namespace) -> int:
-    """A file of signals, of which no machine is known."""
+    """Analysis of a file of signals without a machine."""
     from mechanism_sim.analysis.details import channel_details  # noqa: PLC0415
     from mechanism_sim.report import figures  # noqa: PLC0415
     from mechanism_sim.report.bag import (  # noqa: PLC0415
@@ -251,7 +251,7 @@ def _fit(options: argparse.Namespace) -> int:
 
 
 def _details(options: argparse.Namespace, wanted: Any) -> Any:
-    """Quantities that are asked of a bag, or everything that can be drawn."""
+    """Requested quantities of a bag, or all that can be drawn."""
     from mechanism_sim.analysis.details import (  # noqa: PLC0415
         channel_details,
         everything,
@@ -271,7 +271,7 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
         names = [x for x in (*wanted.spectra, *wanted.envelopes) if x not in sensors]
         series = {x: s for x in names if (s := asked.recorded(x))}
         channels = {x: samples_of(bags[0], s) for x, s in series.items()}
-        for x, s in series.items():  # of a joint that turns or slides both are said
+        for x, s in series.items():  # units of the joint: rotation or translation
             channels[x] = replace(channels[x], unit=s.unit or channels[x].unit)
         warn_of_gaps(channels)
         if asked.messages and channels:

@@ -1,6 +1,6 @@
 """Names that a shell completes: commands and options, scenes, bags, joints, points, values.
 
-Only names that can be had without any mechanics: a shell waits for them.
+Only names that need no mechanics, since the shell waits for them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FOUR_BAR: dict[str, dict[str, Any]] = {
 
 def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> None:
     """Print completions for the shell, and end; `commands` are the parsers of all commands."""
-    safe_actions.add(Once)  # so that completers know what was given, as the scene
+    safe_actions.add(Once)  # so that completers see earlier arguments, as the scene
     for name, command in commands.items():
         for action in command._actions:
             if action.choices is None and action.nargs != 0:
@@ -39,7 +39,7 @@ def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> No
 
 
 def _completer(command: str, action: argparse.Action) -> _Completer:
-    """Completers of arguments, by what their help calls them."""
+    """Completers of arguments, by their names in the help."""
     if (command, action.dest) == ('sweep', 'file'):
         return _either(lambda **_: sweep_names(), FilesCompleter(('yaml', 'yml')))
     if (command, action.dest) == ('node', 'name'):

@@ -234,7 +234,7 @@ def _export(options: argparse.Namespace) -> int:
     if options.output:
         output.write_text(options.output, text)
     where = {'file': options.output} if options.output else {'text': text}
-    if options.format == 'stl':  # the file itself has no word for it
+    if options.format == 'stl':  # the format has no unit
         print_notice('its lengths are in mm')
         where['unit'] = 'mm'
     data = {'scene': machine.name, 'format': options.format, 'left_out': missing, **where}
@@ -242,7 +242,7 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[str]]:
-    """A machine in the format that is asked for, and what of it the format has no words for."""
+    """A machine in the requested format, and sentences on what the format leaves out."""
     if options.format in ('foxglove', 'rviz'):
         from mechanism_sim.analysis.preview import preview  # noqa: PLC0415
         from mechanism_sim.report.layouts import to_foxglove, to_rviz  # noqa: PLC0415

@@ -46,19 +46,19 @@ def _command(parser: Overview, given: Sequence[str]) -> int:
     """Read a command line and carry it out; returns the exit code."""
     own, ros_args = split_ros_args(given)
     options, rest = parser.parse_known_args(own)
-    if options.command:  # options of the program itself, which go without a command
+    if options.command:  # options of the program itself, without a command
         refuse = ('version', options.version), ('completion', options.completion)
         for name in (name for name, was_given in refuse if was_given):
             parser.error(f"--{name} takes no command, but '{options.command}' was given")
     if ros_args and options.command not in ('run', 'node', 'view'):
         options.parser.error('--ros-args is for the commands run, node and view')
     if options.command == 'plot' and not any(word.startswith('-') for word in rest):
-        options.what = [*options.what, *rest]  # argparse looks in one place
+        options.what = [*options.what, *rest]  # argparse looks in one place only
         rest = []
     if rest and options.command != 'node':
         options.parser.refuse(rest)
     options.rest, options.ros_args = rest, ros_args
-    if folders := getattr(options, 'tables_from', None):  # for the processes it starts, too
+    if folders := getattr(options, 'tables_from', None):  # also for child processes
         if lost := next((x for x in folders if not os.path.isdir(x)), None):
             raise InputError(f"--tables-from: there is no folder '{lost}'")
         allowed = [os.environ.get(TABLE_FOLDERS, ''), *map(os.path.abspath, folders)]

@@ -1,4 +1,4 @@
-"""The first minutes: a scene of one's own, from another program too, and completion of names."""
+"""Commands for a start: a new scene, import from another program, completion of names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes: their listing, their checks, their equations."""
+"""Commands that list and check scenes, and derive their equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts that commands share: how they are added, common options, quantities, output."""
+"""Common parts of commands: adding options, common options, quantities, output."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _in_unit(unit: str, text: str) -> float:
 
 
 def several(parser: Options, flags: str, metavar: str, text: str, dest: str | None = None) -> None:
-    """Add an option that may be given several times."""
+    """Add an option that may be repeated."""
     own: dict[str, Any] = {'dest': dest} if dest else {}
     parser.add_argument(
         *flags.split(), action='append', default=[], metavar=metavar, help=text, **own
@@ -84,7 +84,7 @@ def set_option(parser: Options) -> None:
 
 
 def look_options(sub: argparse.ArgumentParser, labels: str) -> None:
-    """Add the options for what a drawing shows besides the machine: paths and names."""
+    """Add the options for paths and names in a drawing."""
     several(sub, '--path', 'LINK.POINT', 'draw the path of this point; several times')
     shown = 'all', 'links', 'none'
     sub.add_argument('--labels', choices=shown, default=labels, help='names that are drawn')
@@ -96,7 +96,7 @@ def scene_options(
     metavar: str = 'SCENE',
     count: Literal['?'] | None = None,
 ) -> None:
-    """Add what commands take that begin with a scene; `count` '?': it may be left out."""
+    """Add the common arguments of commands on a scene; with `count` '?' it is optional."""
     sub.add_argument('scene', metavar=metavar, help=text, nargs=count)
     set_option(sub)
     tables_option(sub)
@@ -105,7 +105,7 @@ def scene_options(
 
 
 def tables_option(sub: argparse.ArgumentParser) -> None:
-    """Add the option for the files that scenes may name."""
+    """Add the option for the folders of files to which scenes refer."""
     text = (
         'a further folder in which tables of a scene are looked for, after its own; several times'
     )
@@ -139,7 +139,7 @@ def skip_option(sub: Options, more: str = '') -> None:
 
 
 def skipped_turns(options: argparse.Namespace, usual: int = 0) -> int:
-    """Whole turns that ``--skip`` leaves out; `usual` if it is not given."""
+    """Number of whole turns that ``--skip`` leaves out; `usual` without it."""
     if options.skip is None:
         return usual
     if not options.skip.strip().isdecimal():
@@ -150,7 +150,7 @@ def skipped_turns(options: argparse.Namespace, usual: int = 0) -> int:
 
 
 def skipped_time(options: argparse.Namespace) -> float:
-    """Time [s] that ``--skip`` leaves out, of signals that know no turns; 0 if it is not given."""
+    """Time [s] that ``--skip`` leaves out of signals, which have no turns; 0 without it."""
     if options.skip is None:
         return 0.0
     skip = quantity('--skip', options.skip, 's')[0]
@@ -160,19 +160,19 @@ def skipped_time(options: argparse.Namespace) -> float:
 
 
 def measure_option(sub: argparse.ArgumentParser) -> None:
-    """Add the option for figures of one's own."""
+    """Add the option for user-defined measures."""
     text = "a measure, as 'rms(drive_torque, from 2 s)' or 'peak = largest(reaction.pin)'"
     several(sub, '--measure', 'TEXT', f'{text}; several times', 'measures')
 
 
 def workers_options(sub: Options, usual: str = 'one for each core') -> None:
-    """Add the options for who makes the runs of a study."""
+    """Add the options for the workers of a study."""
     option(sub, '--workers', 'N', f'number of processes; {usual} if not given', int)
     option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
 
 
 def read_workers(options: argparse.Namespace, usual: int | None = None) -> Workers:
-    """Read from the command line which workers carry out the runs of a study."""
+    """The workers for the runs of a study, from the command line."""
     from mechanism_sim.studies.runs import Workers  # noqa: PLC0415
 
     count = usual if options.workers is None and not options.dask else options.workers
@@ -201,12 +201,12 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
 
 
 def refuse_options(options: argparse.Namespace, names: Iterable[str], reason: str) -> None:
-    """Refuse options that are given although they do not apply.
+    """Refuse options that do not apply.
 
     Parameters
     ----------
-    names : of options, as `pin-radius`
-    reason : the end of the sentence, as "needs --wear"
+    names : names of the options, as `pin-radius`
+    reason : end of the sentence, as "needs --wear"
     """
     for name in names:
         if options.parser.is_given(options, name):
@@ -221,8 +221,8 @@ def path_of(override: str) -> str:
 def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
     """The scene on a command line, as a machine.
 
-    What looks as if its unit were wrong, and keys without effect, are said on standard error, but
-    not if `remarks` is false.
+    Warnings of implausible units and of keys without effect go to standard error, but
+    not if `remarks` is False.
     """
     from mechanism_sim.report import progress  # noqa: PLC0415
 
@@ -244,7 +244,7 @@ def say_turns(options: argparse.Namespace, machine: Machine, of_cycle: bool = Fa
 
     Parameters
     ----------
-    of_cycle : of a steady drive turns count, whatever duration the scene has
+    of_cycle : count turns of a steady drive even if the scene has a duration
     """
     from mechanism_sim.results.cycle import is_steady  # noqa: PLC0415
 
@@ -259,8 +259,8 @@ def ros_args(options: argparse.Namespace) -> list[str]:
     """The ROS arguments of a command line, the namespace among them."""
     found = list(options.ros_args)
     if options.namespace is not None:
-        # Parameters NODE:NAME:=VALUE are for nodes of any namespace; ROS takes them for one in
-        # none, and has no other way to say it than a file of parameters.
+        # Parameters NODE:NAME:=VALUE are for nodes of any namespace; ROS applies them to none
+        # but the root namespace, and otherwise needs a file of parameters.
         passed: list[str] = []
         for arg in found:
             rule = re.fullmatch(r'(\w+):([^:=*]+):=(.*)', arg, re.DOTALL)
@@ -308,12 +308,12 @@ def print_result(
 
 
 def print_either(options: argparse.Namespace, data: object, text: object) -> int:
-    """Print what is known in both forms, and return the exit code 0."""
+    """Print a result given in both forms, and return the exit code 0."""
     return print_result(options, data, lambda _: data, lambda _: text)
 
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
-    """A quantity given to an option, and which of these SI units it is a quantity of."""
+    """Value of a quantity given to an option, and its unit among these SI units."""
     from mechanism_sim.units import EXAMPLES, argument, to_si  # noqa: PLC0415
 
     example = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)

@@ -46,7 +46,7 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
     except KeyboardInterrupt as interrupted:
         sys.exit(process_exit.report_signal(str(interrupted)))
     except BrokenPipeError:
-        # Whoever read our output has had enough.
+        # The reader has closed the pipe.
         mute_output()
         sys.exit(0)
     except Exception as error:
@@ -65,7 +65,7 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
 def _print_warning(
     others: Callable[..., None], message: Warning | str, *more: Any, **named: Any
 ) -> None:
-    """Show a warning about a run as one sentence, without the line of code that it comes from."""
+    """Show a warning about a run as one sentence, without its line of code."""
     if isinstance(message, RunWarning):
         print_notice(str(message))
     else:

@@ -73,7 +73,7 @@ START = (
 
 
 def render_start() -> str:
-    """The first screen: what to do next, with commands that can be copied."""
+    """The first screen: next steps, with commands to copy."""
     lines = ['mechanism-sim simulates planar machines with clearance, impacts and vibration.']
     for purpose, commands in START:
         lines += ['', f'{purpose}:', *(f'  mechanism-sim {command}' for command in commands)]
@@ -121,12 +121,12 @@ class Overview(Parser):
         self.error(f"there is no command '{value}'{nearest(value, known)}; --help lists them")
 
     def commands(self) -> Any:
-        """Commands as argparse keeps them; their parsers by name are its `choices`."""
+        """Action of argparse that holds the commands; its `choices` are their parsers by name."""
         assert self._subparsers is not None  # noqa: S101 - `make_parser` has added them
         return self._subparsers._group_actions[0]
 
     def leaves(self) -> dict[str, Any]:
-        """The parsers of all commands that do something by their words, as `thesis starts`."""
+        """Parsers of all executable commands by their words, as `thesis starts`."""
         found: dict[str, Any] = {}
         for name, sub in self.commands().choices.items():
             of = sub._subparsers._group_actions[0].choices if name in VERBS else {'': sub}

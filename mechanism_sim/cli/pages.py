@@ -1,4 +1,4 @@
-"""Commands whose result is shown by a browser."""
+"""Commands with results for a browser."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _page(options: argparse.Namespace, default: str) -> Path:
-    """Path of the page to be written; for a picture an error names its command."""
+    """Path of the page; for a picture, an error that names the right command."""
     file = options.output or f'{default}.html'
     if Path(file).suffix in ('.pdf', '.png', '.svg'):
         other = 'plot SCENE NAME -o' if is_bag(options.scene) else 'cycle SCENE --plots'
@@ -110,7 +110,7 @@ def _page(options: argparse.Namespace, default: str) -> Path:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    """The page of several runs; for people the table of their differences too."""
+    """The page of several runs; without `--json` the table of their differences, too."""
     refuse_options(options, ['measure'], 'does not apply to a comparison of runs')
     from mechanism_sim.analysis import comparison  # noqa: PLC0415
     from mechanism_sim.pages.writing import write_comparison  # noqa: PLC0415
@@ -126,7 +126,7 @@ def _compare(options: argparse.Namespace) -> int:
         run = argparse.Namespace(**{**vars(options), 'scene': source})
         own = {path_of(text) for text in more}
         run.overrides = [*(x for x in options.overrides if path_of(x) not in own), *more]
-        if is_bag(source) and not only_bags:  # the others are for the scenes
+        if is_bag(source) and not only_bags:  # other options are for scenes
             run.overrides, run.rtol, run.atol = list(more), None, None
         record, start, end = run_of(run)
         records.append(record.between(start, end))
@@ -142,7 +142,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _compared(options: argparse.Namespace) -> list[tuple[str, Sequence[str]]]:
-    """The runs that are compared: their sources, and what is changed in each."""
+    """The runs that are compared: their sources, and the overrides of each."""
     sources = [options.scene, *options.beside]
     if options.compare:
         refuse_options(options, ['set-other'], 'cannot be combined with --compare')

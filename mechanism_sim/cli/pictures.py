@@ -198,7 +198,7 @@ def _plot(options: argparse.Namespace) -> int:
             from mechanism_sim.analysis.deviation import ideal_record  # noqa: PLC0415
 
             beside = Asked(None, ideal_record(asked.record), options.namespace)
-            # Each at the instants of both: a table then has a value of each in every row.
+            # Both at the union of their instants, so that each row of a table is complete.
             known = {*beside.record.piece.catalogue, *beside.record.sensors}
             if not (names := [s.name for s in series if s.name in known]):
                 raise InputError(f'--ideal: without clearance there is no {options.what[0]}')
@@ -215,7 +215,7 @@ def _plot(options: argparse.Namespace) -> int:
 def _over(
     options: argparse.Namespace, asked: Asked | AskedSignals, series: list[Series]
 ) -> Abscissa:
-    """The abscissa that is asked for."""
+    """The requested abscissa."""
     from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
     from mechanism_sim.report.charts.lines import (  # noqa: PLC0415
         OVER_TIME,
@@ -289,7 +289,7 @@ def _plot_recorded(options: argparse.Namespace) -> int:
 
 
 def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], list[Any]]:
-    """All files to be written, those of numbers and pictures; refused where none can be."""
+    """All output files, tables and pictures; InputError if one cannot be written."""
     from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import figures  # noqa: PLC0415
 
@@ -314,7 +314,7 @@ def _write(
 ) -> int:
     """Write series as numbers and pictures, with a title, over an abscissa, impacts marked.
 
-    Numbers are of other instants where `in_rows` has them.
+    Tables have the series `in_rows` instead, if given.
     """
     from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import figures  # noqa: PLC0415
@@ -348,7 +348,7 @@ def _write(
 
 
 def _check_names(options: argparse.Namespace, machine: Machine) -> None:
-    """Refuse names that the machine does not know."""
+    """Refuse names that are not in the machine."""
     from mechanism_sim.report.charts.lines import check_abscissa  # noqa: PLC0415
     from mechanism_sim.results.catalogue import catalogue  # noqa: PLC0415
 
@@ -357,7 +357,7 @@ def _check_names(options: argparse.Namespace, machine: Machine) -> None:
 
 
 def _charts(options: argparse.Namespace) -> int:
-    """The charts that the page of the run has, as pictures."""
+    """Charts of the run's page, as pictures."""
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report.charts.subjects import sections  # noqa: PLC0415
 

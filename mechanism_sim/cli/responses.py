@@ -119,7 +119,7 @@ def _bifurcation(options: argparse.Namespace) -> int:
 
 
 def _write(options: argparse.Namespace, columns: list[Column], chart: Chart) -> None:
-    """Write the table and the picture that are asked for."""
+    """Write the requested table and picture."""
     from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import figures  # noqa: PLC0415
 

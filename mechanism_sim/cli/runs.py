@@ -148,7 +148,7 @@ def _solve(options: argparse.Namespace) -> int:
 def _derivatives(
     options: argparse.Namespace, machine: Machine, end: float, snapshot: Snapshot | None
 ) -> Iterator[Telling]:
-    """Derivatives of a run, if they are asked for."""
+    """Derivatives of a run, if requested."""
     if options.derivatives:
         from mechanism_sim.report import derivatives  # noqa: PLC0415
         from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
@@ -164,7 +164,7 @@ def _derivatives(
 
 
 def _horizon(options: argparse.Namespace, machine: Machine) -> Iterator[Telling]:
-    """Yield the prediction horizon of a run, if it is asked for."""
+    """Yield the prediction horizon of a run, if requested."""
     if options.horizon:
         from mechanism_sim.report import studies  # noqa: PLC0415
         from mechanism_sim.studies.lyapunov import check_horizon, horizon  # noqa: PLC0415
@@ -202,7 +202,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.plan:
         print_json(plan.to_json())
         return 0
-    # ROS passes over parameters for nodes that the run has not
+    # ROS ignores parameters of nodes that are not in the run
     nodes = [*plan.nodes, MONITOR]
     for key, rule in pairwise(options.ros_args):
         node, colon, _ = rule.partition(':=')[0].partition(':')
@@ -223,7 +223,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _stopped(bag: str | None) -> Callable[..., str]:
-    """Sentence of a run that a signal ends; before all nodes are there it has no bag."""
+    """Sentence on a run ended by a signal; without a bag before all nodes have started."""
 
     def state() -> tuple[int, int] | None:
         try:

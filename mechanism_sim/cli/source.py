@@ -1,4 +1,4 @@
-"""Source of a run that is shown: a bag, or a scene, of which it is made here."""
+"""Source of a displayed run: a bag, or a scene that is simulated."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def namespace_option(sub: argparse.ArgumentParser) -> None:
 
 
 def is_bag(source: str) -> bool:
-    """True if a name is that of a bag: of one of its endings or beginnings, or a folder of one."""
+    """True for a bag: by its file name, its first bytes, or as a folder with such a file."""
     path = Path(source)
     if source.endswith(BAG_ENDINGS):
         return True
@@ -55,12 +55,12 @@ def is_bag(source: str) -> bool:
             with path.open('rb') as stream:
                 return stream.read(len(MCAP)) == MCAP
         return path.is_dir() and any(f.name.endswith(BAG_ENDINGS) for f in path.iterdir())
-    except (OSError, ValueError):  # whoever opens it says why it cannot be
+    except (OSError, ValueError):  # opening it raises the error
         return False
 
 
 def refuse_overrides(options: argparse.Namespace) -> None:
-    """InputError where values are given for a run that has been."""
+    """Refuse overrides for a recorded run."""
     if overrides_of(options):
         raise InputError('a bag is shown as it was recorded: leave out --set and tolerances')
 
@@ -85,9 +85,9 @@ def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
 
 
 def warn_of_gaps(channels: Mapping[str, ChannelSamples], spectra: bool = True) -> None:
-    """Warn on standard error of samples that are missing in signals, and what becomes of them.
+    """Warn on standard error of missing samples of signals, and of their effect.
 
-    Of those whose times are rounded how well their rate is known.
+    For rounded times the uncertainty of the rate is printed, too.
     """
     from mechanism_sim.signal_files import rate_text  # noqa: PLC0415
 
@@ -113,11 +113,11 @@ def simulate_run(
     to: float | None = None,
     check: Callable[[Machine], object] | None = None,
 ) -> Record:
-    """The run of a scene, up to a time [s], or over the length from `start` [s] asked for.
+    """The run of a scene, up to a time [s], or over the requested length from `start` [s].
 
     Parameters
     ----------
-    check : refuses what cannot be shown of the machine, before anything is run
+    check : function that refuses unsuitable machines before the run
     """
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
@@ -141,11 +141,11 @@ def simulate_run(
 def run_of(
     options: argparse.Namespace, check: Callable[[Machine], object] | None = None
 ) -> tuple[Record, float, float]:
-    """The run that is asked for, read or simulated, and from when to when it is wanted [s].
+    """The requested run, read or simulated, and its start and end times [s].
 
     Parameters
     ----------
-    check : of a scene, as for `simulate_run`
+    check : check of a scene's machine, as for `simulate_run`
     """
     asked = options.end, options.duration, options.revolutions
     skip = skipped_turns(options)

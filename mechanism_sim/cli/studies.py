@@ -147,7 +147,7 @@ def _statistics(options: argparse.Namespace) -> int:
 
 
 def _turning(options: argparse.Namespace) -> tuple[Machine, int, int]:
-    """A machine, the turns of its run, and those to leave out."""
+    """A machine, the number of turns of its run, and of those to leave out."""
     machine = read_machine(options)
     turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
     return machine, turns, skipped_turns(options, 20)

@@ -52,7 +52,7 @@ def add(command: Command) -> None:
 
 
 def _picture(options: argparse.Namespace) -> Path | None:
-    """Path of the picture, checked before anything is computed; None if none is asked for."""
+    """Path of the picture, checked before the computation; None if none is requested."""
     from mechanism_sim.report.figures import check_picture  # noqa: PLC0415
 
     return check_picture('--output', options.output) if options.output else None
@@ -61,7 +61,7 @@ def _picture(options: argparse.Namespace) -> Path | None:
 def _draw(
     file: Path | None, chart: Callable[[Result, str], Any], found: Result, title: str
 ) -> None:
-    """Draw a result, if that was asked for."""
+    """Draw a result, if requested."""
     from mechanism_sim.report import figures  # noqa: PLC0415
 
     if file:

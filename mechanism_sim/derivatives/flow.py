@@ -70,7 +70,7 @@ class DerivativeLimit:
     t : [s]
     where : name of the joint, drive or load, if it is one
     text : description of the event, and of the derivatives beyond it
-    ends : whether derivatives end there
+    ends : True if derivatives end there
     """
 
     t: float

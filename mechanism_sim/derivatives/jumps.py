@@ -452,7 +452,7 @@ class Jumps:
         z : (E, z, C) differentials, whose last columns are P keys
         group : names of the joints in impact
         dt : (E, C) shifts of the instants, if known
-        alone : whether no other contact takes part
+        alone : True if no other contact takes part
         ended : names of the joints whose chatter ends
 
         Returns

@@ -105,7 +105,7 @@ class LinearEquations:
 
         Parameters
         ----------
-        damped : whether variations that leave constraints decay within a step
+        damped : True if variations that leave constraints decay within a step
         """
         at = self.physics.inputs(motion, segments, dt)
         index, d, count = self.system.parameters, self._dynamics, at.q.shape[1]

@@ -50,7 +50,7 @@ class NumericKey:
     value : value in SI units
     unit : unit of the value in the scene, if not given by the key
     step : [SI] step of the differences
-    given : whether the scene gives the value; else it is one of the computed start
+    given : True if the scene gives the value; else it is one of the computed start
     """
 
     machine: Machine

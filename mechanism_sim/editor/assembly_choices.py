@@ -18,7 +18,7 @@ _FAR = 0.2
 
 
 def choices(document: Document, edits: list[Edit], picture: DocumentPicture) -> list[Edit]:
-    """Guesses, or the other branch, where the scene alone would close its loops otherwise."""
+    """Guesses, or the other branch, if the scene alone would be assembled differently."""
     if picture.turn is None:
         return []
     scene = document.scene(edits)
@@ -49,10 +49,10 @@ def choices(document: Document, edits: list[Edit], picture: DocumentPicture) -> 
 def as_drawn(
     document: Document, edits: list[Edit], picture: DocumentPicture, poses: Poses
 ) -> list[Edit]:
-    """Guesses, where what was drawn would be assembled in another way than it was drawn."""
+    """Guesses, if the scene would be assembled differently from the drawing."""
     try:
         scene = document.scene(edits)
         seen = pictured(document.name, scene, picture, placed(scene, poses))
         return choices(document, edits, seen)
     except InputError:
-        return []  # it is no machine yet
+        return []  # not yet a machine

@@ -1,4 +1,4 @@
-"""Checks and runs of a document in a process of its own, which ends with what asked for them."""
+"""Checks and runs of a document in a process of its own, which ends with its parent."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PATIENCE = 2.0
 _UNTIL = 2.0
 """[s] of a run whose length neither the scene says nor the speed of its drive."""
 
-_OFTEN = 0.2  # [s] between words of progress
+_OFTEN = 0.2  # [s] between reports of progress
 
 
 class Job(NamedTuple):
@@ -31,9 +31,9 @@ class Job(NamedTuple):
 
     Attributes
     ----------
-    number : of the state of the document
-    content : keys and values
-    worn : of the same machine with a bearing that has worn, and what that is called
+    number : number of the document's state
+    content : keys and values of the scene
+    worn : keys and values with a worn bearing, and its joint and clearance; or None
     """
 
     number: int
@@ -47,7 +47,7 @@ class Background:
 
     Parameters
     ----------
-    hear : called, from another thread, with (number, kind, JSON text) of what was found: kinds
+    hear : callback from another thread, with (number, kind, JSON text) of a result: kinds
         are ``checked``, ``progress``, ``run``, ``worn`` and ``problem``
     """
 
@@ -72,9 +72,9 @@ class Background:
         self._jobs.put(job)
 
     def look(self, newest: Callable[[], Job | None]) -> None:
-        """End a process that goes on with what is not wanted, and begin with the newest.
+        """End a process whose job is outdated, and begin with the newest job.
 
-        One that waits and has grown large is ended, too: the next job begins a new one.
+        An idle process with much memory is ended, too: the next job begins a new one.
         """
         if self._process is not None and not self._busy and resident(self._process.pid) > LARGEST:
             self.close()
@@ -97,7 +97,7 @@ class Background:
         with theirs, process_exit.signals_held():
             process.start()
         self._process = process
-        self._jobs.put(None)  # for those who came before
+        self._jobs.put(None)  # ends the threads of earlier processes
         self._jobs = SimpleQueue()
         Thread(target=_give, args=(link, self._jobs), daemon=True).start()
         Thread(target=self._listen, args=(link,), daemon=True).start()
@@ -113,12 +113,12 @@ class Background:
                 else:
                     self._hear(number, kind, text)
         except (EOFError, OSError):
-            pass  # it was ended
+            pass  # process has ended
 
 
 def _give(link: Connection, jobs: SimpleQueue[Job | None]) -> None:
-    """Send jobs to a process, which may be long in taking them, until there is none."""
-    with suppress(OSError):  # it was ended
+    """Send jobs to a process, which may be slow to receive them, until the end."""
+    with suppress(OSError):  # process has ended
         while job := jobs.get():
             link.send(job)
 
@@ -128,9 +128,9 @@ class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
 
 
 def _serve(link: Connection) -> None:
-    """Do jobs until nobody gives any."""
+    """Carry out jobs until the connection ends."""
     work_unseen('run')
-    shown = -1  # the state whose run is shown
+    shown = -1  # state number of the run shown
     try:
         job = link.recv()
         from mechanism_sim.numerics.compiled import forget_for_others  # noqa: PLC0415
@@ -157,7 +157,7 @@ def _serve(link: Connection) -> None:
 
 
 def _problem(job: Job, link: Connection) -> str:
-    """Do a job; returns the reason why it cannot be done, or nothing."""
+    """Carry out a job; returns the reason of a failure, or an empty text."""
     try:
         _work(job, link)
     except (_NotWanted, EOFError, BrokenPipeError):
@@ -184,7 +184,7 @@ def _work(job: Job, link: Connection) -> None:
 
 
 def _wear(job: Job, link: Connection) -> None:
-    """Run the same machine with a bearing that has worn: its figures, or why there are none."""
+    """Run the machine with a worn bearing: its figures, or the reason of a failure."""
     from mechanism_sim.scene.build import build  # noqa: PLC0415
     from mechanism_sim.scene.files import check_scene  # noqa: PLC0415
 
@@ -211,7 +211,7 @@ def _run(machine: Any, number: int, link: Connection) -> tuple[Any, Any]:
     except InputError:
         if machine.scene.duration is not None:
             raise
-        end = run_length(machine, None, _UNTIL)  # of a motor nobody knows how fast it turns
+        end = run_length(machine, None, _UNTIL)  # the speed of a motor is unknown before the run
     last = time.monotonic()
 
     def show(t: float, _impacts: int) -> None:

@@ -1,4 +1,4 @@
-"""Choices and places that an editor keeps beside the text of a document while it is open."""
+"""Choices and poses that an editor keeps beside the text of a document while it is open."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class BesideDocument:
 
     Attributes
     ----------
-    pin : ``joint`` and ``radial`` clearance [m] of the pin that is worn beside the run, if one is
-    lain : poses of links by the text of the document, also of texts that undo goes back to
+    pin : ``joint`` and ``radial`` clearance [m] of the pin with wear in a second run, if any
+    lain : poses of links by text of the document, those of the undo history included
     """
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class BesideDocument:
         self._quantity = quantity
 
     def wear(self, message: Mapping[str, Any], scene: Scene) -> None:
-        """Let a pin be worn to a radial clearance [m] beside the run; none for nothing."""
+        """Set a worn radial clearance [m] of a pin for a second run; 0 for none."""
         joint, radial = str(message['joint']), float(message['radial'])
         if joint not in wear.joints(scene):
             raise InputError(f'{joint} does not wear here: choose a pin of two links')

@@ -21,7 +21,7 @@ from mechanism_sim.scene.table_keys import with_files
 
 _NEW = 'title: A new machine\nmechanism: linkage\nlinks: {}\njoints: {}\n'
 
-_KEPT = 500  # texts that undo goes back to
+_KEPT = 500  # states in the undo history
 
 
 class Document:
@@ -29,10 +29,10 @@ class Document:
 
     Attributes
     ----------
-    text : of the YAML file
-    file : where it is saved; None of a new one
-    name : of the scene
-    watch : called with every change, as `follow` takes it
+    text : text of the YAML file
+    file : path of the file; None for a new document
+    name : name of the scene
+    watch : callback with every change, as for `follow`
     """
 
     def __init__(self, text: str = _NEW, file: Path | None = None, name: str = 'machine') -> None:
@@ -66,7 +66,7 @@ class Document:
 
     @classmethod
     def dropped(cls, name: str, text: str) -> Document:
-        """A file of any program that nobody keeps, by name and text: it is saved in the folder."""
+        """Document of an uploaded file of any program, by name and text, saved in the folder."""
         name = Path(name).name
         if Path(name).suffix.lower() not in ('.yaml', '.yml') and not is_importable(name):
             raise InputError(
@@ -82,7 +82,7 @@ class Document:
 
     @property
     def changed(self) -> bool:
-        """True if there is something that is not in the file."""
+        """True if the text differs from that of the file."""
         return self.text != self._clean
 
     @property
@@ -140,7 +140,7 @@ class Document:
             found = _renamed_in(path, where, value, name)
             if found != value:
                 text = with_value(text, where, found)
-        if path[0] == 'links':  # which coordinates are named after
+        if path[0] == 'links':  # coordinates are named after links
             drive = content.get('drive') or {}
             if old == 'crank' and 'coordinate' not in drive and drive:
                 text = with_value(text, ('drive', 'coordinate'), name)
@@ -182,7 +182,7 @@ class Document:
             self.watch('redo', None)
 
     def follow(self, change: str, value: Any) -> None:
-        """Change as another document did, whose `watch` was told so."""
+        """Repeat a change of another document, as passed to its `watch`."""
         if change == 'replace':
             self.replace(value)
         elif change == 'undo':
@@ -218,16 +218,16 @@ def _stays(file: Path) -> bool:
     """True if a name leads to a place below the folder of the program, with all links followed."""
     try:
         return file.resolve().is_relative_to(Path().resolve())
-    except (OSError, RuntimeError, ValueError):  # what it is no name for is said when it is opened
+    except (OSError, RuntimeError, ValueError):  # invalid names are reported on opening
         return True
 
 
 def _nobody(_change: str, _value: Any) -> None:
-    """Nobody follows a document."""
+    """Default of `watch`: ignore the change."""
 
 
 def _text_there(file: Path) -> str | None:
-    """Text of a file, as far as a document may hold it; None if none can be read so."""
+    """Text of a file, if a document may hold it; None if it cannot be read."""
     try:
         return documents.bytes_of(file, documents.LARGEST).decode(errors='replace')
     except FileNotFoundError:

@@ -26,7 +26,7 @@ _ORDER = 'rail', 'support', 'link', 'slider', 'pin', 'point'
 
 
 def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
-    """All that can be grabbed, joints first."""
+    """Handles of all joints and free points, joints first."""
     found, met = [], set()
     for name, joint in scene.joints.items():
         ends = [point(scene, reference) for reference in joint.points]
@@ -37,7 +37,7 @@ def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
         assert on is not None  # noqa: S101 - looked at above
         found.append(Handle(name, members, poses[on[0]].place(on[2]), True))
         met |= set(members)
-    for link in [*(x for x in scene.links if x != GROUND), GROUND]:  # what moves lies above
+    for link in [*(x for x in scene.links if x != GROUND), GROUND]:  # moving links on top
         given = scene.links.get(link)
         for name, at in points_of(given).items():
             bare = link == GROUND and name in ('start', 'end')
@@ -80,8 +80,8 @@ def of_machine(
 
     Parameters
     ----------
-    traced : LINK.POINT whose paths are wanted
-    symbol : size of a joint [m] while something is dragged; then nobody asks for bounds
+    traced : LINK.POINT whose paths are drawn
+    symbol : size of a joint [m] during a drag, when bounds are not needed; else 0
     """
     skeleton = skeleton_of(turn.machine, turn.q, mechanism=turn.mechanism, size=60.0 * symbol)
     poses = skeleton.poses(turn.q)

@@ -26,11 +26,11 @@ FORMATS = {
 
 
 class FilesBeside:
-    """Makes one file after the other, beside that of the document.
+    """Queue of files that are made in sequence, beside that of the document.
 
     Parameters
     ----------
-    say : called, from another thread, with a sentence when a file is there, or cannot be
+    say : callback from another thread, with a sentence on a finished or failed file
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -38,7 +38,7 @@ class FilesBeside:
         self._process: Popen[str] | None = None
 
     def takes(self, message: Any, document: Document) -> bool:
-        """Begin with a file of the document, if a page asks for one; False if it does not."""
+        """Begin with the file that a message of a page requests; False if it requests none."""
         if message.get('type') != 'make':
             return False
         what = str(message.get('what'))
@@ -58,11 +58,11 @@ class FilesBeside:
         folder = document.file.parent.resolve() if document.file else Path.cwd()
         names = (f'{document.name}{f"_{k}" if k else ""}{end}' for k in count())
         file = next(folder / name for name in names if not (folder / name).exists())
-        text = strict_json.dumps(document.whole())  # with the tables that it names
+        text = strict_json.dumps(document.whole())  # with the tables to which it refers
         Thread(target=self._made, args=(command, document.name, text, file), daemon=True).start()
 
     def close(self) -> None:
-        """End what is being made."""
+        """End the command that is running."""
         if self._process:
             self._process.kill()
 

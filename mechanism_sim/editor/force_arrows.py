@@ -19,23 +19,23 @@ _LENGTH = 0.3
 
 
 class ForceArrows:
-    """Arrows that are all drawn in one scale."""
+    """Arrows drawn in a common scale."""
 
     def __init__(self) -> None:
         self._scale = 0.0  # [m/N]
-        self._frames, self._each = 0, 1  # of drags; of so many one has forces
+        self._frames, self._each = 0, 1  # frames of drags; one in `_each` has forces
 
     def of_turn(self, turn: Turn | None, symbol: float) -> dict[str, Any] | None:
         """Force arrows of all instants of a turn, in a new common scale; None without forces.
 
         Parameters
         ----------
-        symbol : [m] the size of symbols, of which the machine is 60
+        symbol : size of a symbol [m], a sixtieth of the machine's
         """
         self._scale = 0.0
         try:
             known = turn.forces() if turn else None
-        except Exception:  # there are no forces to be shown
+        except Exception:  # no forces to show
             return None
         if known is None:
             return None

@@ -29,7 +29,7 @@ _ON_AXIS = 0.02
 
 
 class Moved(NamedTuple):
-    """A point that was moved: what it changes, and where links lie then."""
+    """Edits made by moving a point, and the poses of links after it."""
 
     edits: list[Edit]
     poses: Poses
@@ -42,7 +42,7 @@ def move(
 
     Parameters
     ----------
-    short : whether the scene is a four-bar in short, whose joints lie where its lengths put them
+    short : True for a four-bar in short form, whose lengths define the positions of joints
     """
     to = grid.snapped(to)
     found = dict(poses)
@@ -84,7 +84,7 @@ def _on_ground(
         return [], (0.0, 0.0)
     if name not in ('start', 'end'):
         return [Edit(('links', GROUND, 'points', name), place(to, grid.step, grid.unit))], to
-    # the origin and the x axis of the frame lie fast: the joint gets a point of its own
+    # the origin and x axis of the frame are fixed: the joint gets a point of its own
     edits = [Edit(('links', GROUND, 'points', handle.key), place(to, grid.step, grid.unit))]
     joint = scene.joints[handle.key]
     references = [
@@ -113,7 +113,7 @@ def _on_link(
         edits.append(Edit(('links', link, 'length'), rounded(length, grid.step, grid.unit)))
     joined = _joined(scene, link)
     for other, place_of in given.points.items():
-        if other in joined:  # it stays where it is
+        if other in joined:  # its position is kept
             within = poses[link].within(pose.place(place_of))
             text = place(within, grid.step, grid.unit)
             edits.append(Edit(('links', link, 'points', other), text))
@@ -121,13 +121,13 @@ def _on_link(
 
 
 def _joined(scene: Scene, link: str) -> set[str]:
-    """Names of a link's points at which there are joints."""
+    """Names of a link's points with joints."""
     found = (point(scene, reference) for j in scene.joints.values() for reference in j.points)
     return {x[1] for x in found if x and x[0] == link}
 
 
 def _guesses(scene: Scene, before: Mapping[str, Pose], after: Mapping[str, Pose]) -> list[Edit]:
-    """Rough angles of links that turned, where a scene has them."""
+    """Approximate angles of rotated links, if the scene states them."""
     return [
         Edit(('guess', c), degrees(after[c].angle))
         for c, rough in scene.rough.items()
@@ -136,7 +136,7 @@ def _guesses(scene: Scene, before: Mapping[str, Pose], after: Mapping[str, Pose]
 
 
 def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
-    """Changes of joints whose parts must fit each other when their links have been moved."""
+    """Edits of joints whose parts must match after their links have been moved."""
     sketch, edits = None, []
     for name, joint in scene.joints.items():
         if refit := REFITS.get(joint.kind):
@@ -148,7 +148,7 @@ def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
 def starts(
     scene: Scene, found: Mapping[str, float], straight: Collection[str], grid: Grid
 ) -> list[Edit]:
-    """Edits that set the starts of drives where their links are found elsewhere [rad, m]."""
+    """Edits of the start positions of drives [rad, m] whose links were moved."""
     edits = []
     for c, (path, drive) in drives_of(scene).items():
         if c not in found:
@@ -166,13 +166,13 @@ def starts(
     return edits
 
 
-# --- what is removed ----------------------------------------------------------------------------
+# --- removal ------------------------------------------------------------------------------------
 
 
 def remove(scene: Scene, content: Mapping[str, Any], path: tuple[str, ...]) -> list[Edit]:
     """A part removed, with what cannot be without it: of gears what only they mesh for."""
     gone = [path]
-    for lost in gone:  # which grows
+    for lost in gone:  # the list grows meanwhile
         more = [part for part in _parts(scene, content) if _needs(scene, content, part, lost)]
         if lost[0] == 'joints' and len(lost) == 2 and scene.joints[lost[1]].kind == 'mesh':
             left = {
@@ -204,7 +204,7 @@ def _parts(scene: Scene, content: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _needs(
     scene: Scene, content: Mapping[str, Any], part: tuple[str, str], lost: tuple[str, ...]
 ) -> bool:
-    """True if a part names another that is lost: a link, a point of one, a joint, or a gear."""
+    """True if a part refers to a removed one: a link, a point of one, a joint or a gear."""
     section, name = part
     if section == 'joints':
         joint = scene.joints[name]
@@ -228,7 +228,7 @@ def _needs(
 
 
 def written_out(scene: Scene, content: Mapping[str, Any]) -> list[Edit]:
-    """Edits that make a four-bar in short the linkage that it stands for."""
+    """Edits that expand a four-bar in short form to its linkage."""
     if content.get('mechanism') != 'four_bar':
         return []
     edits = [Edit(('mechanism',), 'linkage')]

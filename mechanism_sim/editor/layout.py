@@ -14,9 +14,9 @@ from mechanism_sim.scene.schema import Scene
 
 
 def placed(scene: Scene, before: Mapping[str, Pose]) -> Poses:
-    """Poses of all links, as drives, guesses and the picture before have them.
+    """Poses of all links, from drives, guesses and the previous picture.
 
-    Joints are met from the ground on, and loops left as open as they are.
+    Joints are assembled from the ground outwards; loops may stay open.
     """
     given: dict[str, float] = {c: x.value for c, x in scene.rough.items()}
     for c, (_, drive) in drives_of(scene).items():
@@ -56,14 +56,14 @@ def placed(scene: Scene, before: Mapping[str, Pose]) -> Poses:
 
 
 def coordinates(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
-    """Coordinates (n,) of a tree whose links lie so; of deformations 0."""
+    """Coordinates (n,) of a tree with these poses of links; deformations are 0."""
     found = []
     for name in mechanism.coordinates:
         joint = mechanism.tree_joints.get(name)
         link, _, axis = name.partition('.')
         if name in mechanism.deformations:
             found.append(0.0)
-        elif axis:  # of a link that floats
+        elif axis:  # a floating link
             found.append(poses[link].place(mechanism.body(link).cog)['xy'.index(axis)])
         elif name in mechanism.displacements and isinstance(joint, Prismatic):
             a = poses[joint.first].place(joint.on_first)

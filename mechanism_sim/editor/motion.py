@@ -1,6 +1,6 @@
 """Motion of a document's machine without clearance, fast enough to follow a hand.
 
-Loops are closed from where they were in the picture before, all instants of a turn at once.
+Loops are closed from the previous picture, at all instants of a turn at once.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ _LEAP = 0.6
 
 
 class IdealForces(NamedTuple):
-    """Forces of J joints without play at K instants, K' of them at no fixed point."""
+    """Forces of J ideal joints at K instants, J' of them without a fixed point of action."""
 
-    joints: list[dict[str, Any]]  #: as of `Stage.to_json`
-    forces: Array  #: (K, J, 2) [N] of the first-named on the second-named link
-    feet: Array  #: (K, J', 2) [m] points on their lines of action
+    joints: list[dict[str, Any]]  #: as in `Stage.to_json`
+    forces: Array  #: (K, J, 2) [N] force of the first on the second link
+    feet: Array  #: (K, J', 2) [m] points on the lines of action
 
 
 class _Known(NamedTuple):
-    """Physics of an ideal machine, as a `JointView` asks for it."""
+    """Physics of an ideal machine, as required by a `JointView`."""
 
     coordinates: tuple[str, ...]
     joints: tuple[str, ...]
@@ -60,14 +60,14 @@ class Turn:
 
     Parameters
     ----------
-    near : poses near those of the start; without, the machine is assembled as its scene says
-    before : the same of a machine that differed little
-    loops : the closures of the machine, if somebody has them
+    near : initial guess of the poses; without it, the machine is assembled from its scene
+    before : motion of a slightly different machine, as initial guess
+    loops : loop closures of the machine, if already made
 
     Attributes
     ----------
-    mechanism : the tree whose coordinates these are
-    q : (n, N) coordinates, the first column at the start; fewer columns where the way ends
+    mechanism : spanning tree of the coordinates
+    q : (n, N) coordinates, first column at the start; fewer columns if the motion is blocked
     """
 
     def __init__(
@@ -98,15 +98,15 @@ class Turn:
         return self.poses_of(self.q[:, k])
 
     def reached(self, q: Array, link: str, at: Vector2, to: Vector2) -> Array:
-        """Coordinates (n,) near others with closed loops, where a point is nearest to a place.
+        """Coordinates (n,) with closed loops, near others, with a point nearest to a target.
 
-        By Gauss and Newton, in the directions in which the closures let the machine move; whatever
-        else is free moves as little as it can.
+        Gauss-Newton iteration in the null space of the closures' Jacobian; other free
+        coordinates change as little as possible.
 
         Parameters
         ----------
-        at : of the link, in its frame [m]
-        to : in the world [m]
+        at : point in the frame of the link [m]
+        to : target in the world [m]
         """
         loops, tree = self._kinematics.released(), self.mechanism
         n, scale = len(q), loops.scale
@@ -138,17 +138,17 @@ class Turn:
 
     @property
     def moves(self) -> bool:
-        """True if it is known how the machine goes on."""
+        """True if the machine has a motion beyond the start."""
         return bool(self.q.shape[1] > 1)
 
     @property
     def scale(self) -> Array:
-        """A large change of each coordinate (n,): the size of the machine [m], or 1 rad."""
+        """Scale of each coordinate (n,): the size of the machine [m], or 1 rad."""
         return self._kinematics.scale
 
     @property
     def along(self) -> tuple[str, Array]:
-        """The variable of a turn in words with its unit, and its values (N,) [°, mm, s]."""
+        """Name of the variable of a turn with its unit, and its values (N,) [°, mm, s]."""
         count = self.q.shape[1]
         if len(self._held) > 1:
             return 'time [s]', self._times[:count]
@@ -158,13 +158,13 @@ class Turn:
 
     @property
     def timed(self) -> bool:
-        """True if it is known when it is where, so that there are rates."""
+        """True if the motion is a function of time, so that rates exist."""
         prescribed = [c for c in self.machine.plan.prescribed if c in self._held]
         return self.moves and len(prescribed) == len(self._held)
 
     @property
     def weighed(self) -> bool:
-        """True if forces of ideal joints follow from the motion."""
+        """True if the motion determines the forces of ideal joints."""
         machine, plan = self.machine, self.machine.plan
         rigid = not (machine.without_forces or plan.ideal.deformations)
         return plan.weighed and self.timed and rigid
@@ -210,7 +210,7 @@ class Turn:
         machine, plan = self.machine, self.machine.plan
         self._times = np.zeros(INSTANTS)
         moved = plan.prescribed
-        if not moved:  # what a torque or a force moves is turned by hand, if it is one
+        if not moved:  # a single link under torque is rotated by hand
             c = next(iter(plan.laws), None)
             turns = c is not None and c in plan.begins and c not in self.mechanism.displacements
             if len(plan.powered) != 1 or not turns:
@@ -241,7 +241,7 @@ class Turn:
         ways = np.array([*self._held.values()])
         loops = len(self._kinematics.rows)
         if not held or loops != len(first) - len(held) or not np.ptp(ways, axis=1).any():
-            return first[:, None]  # nothing decides how it goes on
+            return first[:, None]  # motion not determined by the drives
         if not np.isclose(first[held], ways[:, 0]).all():
             ways = ways + (first[held] - ways[:, 0])[:, None]
         size = self.scale
@@ -265,13 +265,13 @@ class Turn:
         return np.array(columns).T
 
     def _step(self, first: Array, ways: Array) -> Array:
-        """First step (n,) from the rates at the start: teeth fit at many angles."""
+        """First step (n,) from the rates at the start: gears mesh at many angles."""
         step = self._kinematics.rates(first[:, None], ways[:, 1:2] - ways[:, :1])[:, 0]
         return step if np.isfinite(step).all() else np.zeros(len(first))
 
 
 def _values(laws: tuple[Law, ...], t: Array, order: int = 0) -> Array:
-    """Values that drives prescribe at times (N,) [s], but for whole turns; or a derivative."""
+    """Prescribed values at times (N,) [s], up to whole turns; or a derivative."""
     known = [law for law in laws if isinstance(law, DriveLaw)]
     found = np.empty_like(t)
     for law in known:

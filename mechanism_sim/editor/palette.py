@@ -18,10 +18,10 @@ from mechanism_sim.scene.sensors import SENSORS
 
 
 def _link(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A bar, with a pin where it begins or ends on another link or on a point of the ground."""
+    """A bar, with a pin at each end that is on another link or on a point of the ground."""
     a, b, length = sketch.ends(start, end, 'link')
     name, angle = sketch.name('link'), math.atan2(b[1] - a[1], b[0] - a[0])
-    sketch.poses[name] = Pose(*a, angle)  # where it stays until something holds it
+    sketch.poses[name] = Pose(*a, angle)  # its pose until a joint holds it
     edits = [sketch.link(name, length), Edit(('guess', name), degrees(angle))]
     for spot, own in ((start, name), (end, f'{name}.end')):
         if spot.handle or spot.link:
@@ -31,7 +31,7 @@ def _link(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
 
 
 def _ground(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
-    """A point of the frame: with a pin where there is a point of a link."""
+    """A point of the frame, with a pin if there is a point of a link."""
     if start.handle and any(link == GROUND for link, _ in start.handle.members):
         raise InputError(f'{start.handle.key} is on the ground already')
     reference, edits = sketch.point(GROUND, sketch.where(start))
@@ -49,7 +49,7 @@ def _point(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
 
 
 def _clearance(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
-    """Play in a pin; links without mass get one, for a pin that flies needs it."""
+    """Clearance in a pin, and masses of links without one, as needed in free flight."""
     if start.handle is None or not start.handle.joint:
         raise InputError('clearance is put on a joint: press on a pin')
     if sketch.scene.joints[start.handle.key].clearance:

@@ -92,7 +92,7 @@ def _rows(
         given = value.get(name)
         whole = depth == 0 and not path
         if whole and (facts.many == 'dict' or name in ('links', 'joints', 'drive', 'mechanism')):
-            continue  # they are chosen in the outline
+            continue  # selected in the outline
         row = {
             'path': [*path, name],
             'name': name,
@@ -149,7 +149,7 @@ def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
 
 
 def _default(field: Any, facts: Facts) -> str:
-    """Value that holds without a key, as far as it is a plain one."""
+    """Default value of a key, if it is a plain one."""
     value = field.default
     if field.is_required():
         return 'needed'

@@ -29,9 +29,9 @@ class DocumentPicture(NamedTuple):
 
     Attributes
     ----------
-    turn : of the machine, if it can be assembled
-    poses : of all links
-    problem : why it is no machine yet; empty if it is one
+    turn : motion of the machine; None if it cannot be assembled
+    poses : poses of all links
+    problem : reason why it cannot be assembled; else empty
     """
 
     scene: Scene
@@ -41,23 +41,23 @@ class DocumentPicture(NamedTuple):
 
     @property
     def handles(self) -> list[Handle]:
-        """All that can be grabbed."""
+        """Handles of all joints and free points."""
         return drawing.handles(self.scene, self.poses)
 
     def handle(self, key: Any) -> Handle:
-        """The handle of a key; it may have gone since a page was drawn."""
+        """The handle of a key; InputError if it does not exist any more."""
         for handle in self.handles:
             if handle.key == key:
                 return handle
         raise InputError('this element does not exist any more')
 
     def caught(self, at: Vector2, near: float) -> Handle | None:
-        """The handle nearest to a place, if one is so near [m]."""
+        """The handle nearest to a position, if closer than `near` [m]."""
         handle = min(self.handles, key=lambda h: math.dist(h.at, at), default=None)
         return handle if handle and math.dist(handle.at, at) < near else None
 
     def met(self, at: Vector2, near: float) -> str:
-        """The link nearest to a place, if one is so near [m]; else empty."""
+        """Name of the link nearest to a position, if closer than `near` [m]; else empty."""
         far = {link: self._far(link, at) for link in self.scene.links if link != GROUND}
         link = min(far, key=far.__getitem__, default='')
         return link if link and far[link] < near else ''
@@ -99,11 +99,11 @@ class DocumentPicture(NamedTuple):
     def to_json(
         self, name: str, traced: _Traced, symbol: float, colours: Mapping[str, int]
     ) -> dict[str, Any]:
-        """All of it for a page; `symbol` [m] is kept through a drag, else 0.
+        """Picture for a page; `symbol` [m] is constant during a drag, else 0.
 
         Parameters
         ----------
-        colours : numbers of those of links, in whatever order these are
+        colours : colour numbers by link, in any order
         """
         curves: dict[str, Any] = {}
         paths: dict[str, Any] = {}
@@ -153,8 +153,8 @@ def pictured(
 
     Parameters
     ----------
-    old : the one before, whose places are kept where nothing else is known
-    loops, machine : of the scene, if they are made already
+    old : previous picture, whose poses are used where `near` has none
+    loops, machine : loop closures and machine of the scene, if already made
     """
     try:
         turn = Turn(machine or Machine(name, scene), near, old.turn, loops)
@@ -165,6 +165,6 @@ def pictured(
 
 
 def has_path(point: str, traced: _Traced) -> bool:
-    """True if the path of a point is drawn: of named ones, if nobody says otherwise."""
+    """True if the path of a point is drawn; by default that of named points of moving links."""
     link, _, name = point.partition('.')
     return traced.get(point, name not in ('start', 'end') and link != GROUND)

@@ -28,17 +28,17 @@ machine of `config` takes 240 more, and 330 where its code is not on disk.
 
 
 def crowded() -> bool:
-    """True if this process has no room for a large machine beside those before."""
+    """True if this process holds too much memory to take another large machine."""
     return resident() > _CROWDED
 
 
 def work_unseen(name: str) -> None:
-    """Prepare this process to draw or run what may be half a machine, for a page that shows it.
+    """Prepare this process to draw or run a possibly incomplete machine for a page.
 
-    `name` : which lists of processes show
+    `name` : name in lists of processes
 
-    An interrupt is for the one who edits, and so is standard error: numbers without a value, which
-    half a machine has, are no matter for it.
+    Interrupts are left to the main process. Warnings of undefined numbers, as from an
+    incomplete machine, are not shown.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter('ignore', RuntimeWarning)

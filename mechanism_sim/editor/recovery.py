@@ -12,7 +12,7 @@ from mechanism_sim import documents, output
 from mechanism_sim.editor.document import Document
 from mechanism_sim.errors import InputError, RunError
 
-_LONGEST = 200  # bytes of a name to which something is added
+_LONGEST = 200  # bytes of a name to which a suffix is added
 _EDITED = '# not saved, of the text with the SHA-256 '
 _GIVEN_BACK = 'unsaved changes have been restored; undo returns to the file as saved'
 
@@ -27,7 +27,7 @@ def place(document: Document) -> Path:
 
 
 class UnsavedEdits:
-    """Keeps the text of a document that is changed, and gives it back to who opens it again."""
+    """Store of the unsaved text of a document, restored when it is opened again."""
 
     def __init__(self) -> None:
         self._kept: tuple[Path, bytes] | None = None
@@ -52,10 +52,10 @@ class UnsavedEdits:
         return '', ''
 
     def keep(self, document: Document) -> str:
-        """Write what is not saved, or remove what is; a sentence if that is not possible."""
+        """Write unsaved text, or remove the file of saved text; a sentence if this fails."""
         file = place(document)
         if self._kept and (not document.changed or self._kept[0] != file):
-            if _holds(*self._kept):  # it was saved, perhaps under another name
+            if _holds(*self._kept):  # the text was saved, perhaps under another name
                 with suppress(OSError):
                     self._kept[0].unlink(missing_ok=True)
             self._kept = None
@@ -87,7 +87,7 @@ class UnsavedEdits:
 
 
 def _heading(base: str) -> str:
-    """First line of what is kept: which text was edited."""
+    """First line of a recovery file: identifies the text that was edited."""
     return f'{_EDITED}{hashlib.sha256(base.encode()).hexdigest()}\n'
 
 
@@ -100,7 +100,7 @@ def _parts(kept: str) -> tuple[str, str]:
 
 
 def _holds(file: Path, data: bytes) -> bool:
-    """True if a file holds this and no more: another editor may have written it since."""
+    """True if a file has exactly this content: another editor may have changed it."""
     with suppress(OSError):
         return not file.is_symlink() and documents.bytes_of(file, len(data)) == data
     return False

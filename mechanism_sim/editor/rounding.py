@@ -1,4 +1,4 @@
-"""Numbers as people write them in a scene: rounded to what can be seen, in the unit in use."""
+"""Numbers as written in a scene: rounded to visible precision, in the unit in use."""
 
 from __future__ import annotations
 
@@ -42,5 +42,5 @@ def degrees(angle: float, digits: int = 1) -> str:
 
 
 def exactly(value: float, unit: str) -> str:
-    """A length [m] that must fit others, to ten digits, with a unit."""
+    """A length [m] that must match others, to ten digits, with a unit."""
     return f'{value / to_si(f"1 {unit}", "m"):.10g} {unit}'

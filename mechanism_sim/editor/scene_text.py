@@ -112,7 +112,7 @@ def without(text: str, path: Path) -> str:
         after = pairs[1][0].start_mark.index if len(pairs) > 1 else end
         return _put(text, key.start_mark.index, after, '')
     line = text.rfind('\n', 0, key.start_mark.index) + 1
-    if text[line : key.start_mark.index].strip() and i + 1 < len(pairs):  # the first behind a dash
+    if text[line : key.start_mark.index].strip() and i + 1 < len(pairs):  # first key behind a dash
         return _put(text, key.start_mark.index, pairs[i + 1][0].start_mark.index, '')
     return _put(text, line, (text + '\n').index('\n', end) + 1, '')
 
@@ -258,7 +258,7 @@ def _block(value: str, width: int) -> list[str]:
         plain = all(row.isprintable() for row in rows) and not text.startswith((' ', '\n'))
         return ['|', *rows] if plain else []
     rows = textwrap.wrap(text, width - 2, break_long_words=False, break_on_hyphens=False)
-    folds = ' '.join(rows) == text  # no line break stands for several spaces
+    folds = ' '.join(rows) == text  # no line break replaces several spaces
     return ['>', *rows] if folds and (len(text) > width or text != value) else []
 
 

@@ -41,11 +41,11 @@ PAUSE = 0.1
 SLOW = 0.4
 """[s] of work after which pages are told that something is computed."""
 
-_LOOK = 0.05  # [s] between looks at what runs
+_LOOK = 0.05  # [s] polling interval of running tasks
 _COMMAND = 400_000  # bytes: a whole document, its quotes escaped
-_WAITING = 2_000, 16_000_000  # messages of pages, and their bytes about; then pages are cut off
-_ANEW = 'text', 'open', 'import', 'undo', 'redo'  # what makes another document of it
-_FOLLOWED = 'drag', 'pull'  # of which only the last counts
+_WAITING = 2_000, 16_000_000  # most queued messages of pages, and bytes; then a page is cut off
+_ANEW = 'text', 'open', 'import', 'undo', 'redo'  # requests that replace the text
+_FOLLOWED = 'drag', 'pull'  # only the last of a series counts
 
 
 def edit(document: Document, port: int | None, browse: bool, opened: Callable[[str], None]) -> int:
@@ -53,8 +53,8 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
 
     Parameters
     ----------
-    port : of this machine; None for 8080 or any other that is free
-    opened : called with the address of the page
+    port : TCP port; None for 8080 or any free one
+    opened : callback with the address of the page
     """
     key = secrets.token_urlsafe(16)
     desk = Desk(document)
@@ -89,17 +89,17 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
 
 
 class Desk:
-    """Queue between the pages of an editor and those who draw and run its document."""
+    """Queue between the pages of an editor and the processes that draw and run its document."""
 
     def __init__(self, document: Document) -> None:
         self._todo: deque[tuple[str, Any]] = deque()
         self._came: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self._waiting = 0  # bytes, about, of what came and is not done
+        self._waiting = 0  # approximate bytes of pending messages
         self._awake, self._wake = os.pipe()
         for end in (self._awake, self._wake):
             os.set_blocking(end, False)
         self._recovery = UnsavedEdits()
-        self._keeper = ThreadPoolExecutor(1)  # a disk may take long, and nobody waits for it
+        self._keeper = ThreadPoolExecutor(1)  # a slow disk must not block
         self._keeping: Future[str] | None = None
         self._kept: tuple[Any, ...] | None = None
         self._found: dict[str, str] = {}
@@ -114,7 +114,7 @@ class Desk:
 
     @property
     def document(self) -> Document:
-        """The document as far as the edits have come."""
+        """The document after the edits carried out so far."""
         return self._worker.document if self._worker else self._first
 
     @property
@@ -141,12 +141,12 @@ class Desk:
         self._ring()
 
     def keep(self) -> str:
-        """Keep what is not saved, at the end; a sentence if that is not possible."""
+        """Store unsaved edits on exit; a sentence if this fails."""
         self._keeper.shutdown()
         return self._recovery.keep(self.document)
 
     def serve(self, send: Callable[[str], None]) -> None:
-        """Do what pages ask for, and run the document whenever they pause."""
+        """Carry out requests of pages, and run the document when they pause."""
         self._send = send
         self._worker = worker = Worker(self._first, self._tell, self._opened)
         runs = Background(self._ran_so_far)
@@ -172,7 +172,7 @@ class Desk:
         self._ring()
 
     def _sort(self) -> None:
-        """Queue what came: of drags that follow each other, and of texts, the last."""
+        """Queue received messages: only the last of successive drags or texts."""
         with suppress(BlockingIOError):
             os.read(self._awake, 4096)
         while not self._came.empty():
@@ -189,11 +189,11 @@ class Desk:
                 if same and item.get('type') in (*_FOLLOWED, 'text'):
                     self._todo.pop()
             self._todo.append((kind, item))
-        while len(self._todo) > _WAITING[0]:  # nobody can have meant all of them
+        while len(self._todo) > _WAITING[0]:  # the oldest are dropped
             self._todo.popleft()
 
     def _work(self, worker: Worker, runs: Background) -> None:
-        """Give the worker what is next; where nothing is, run the document or keep it."""
+        """Give the worker the next request; if there is none, run or store the document."""
         if worker.busy:
             return
         if worker.grown and not self._drags:
@@ -202,7 +202,7 @@ class Desk:
         if self._todo:
             kind, item = self._todo.popleft()
             if kind == 'page' and item.get('type') == 'wear':
-                self._asked = -1  # the document is as it was, and another run is asked for
+                self._asked = -1  # unchanged document, new run
             worker.ask(kind, item)
             return
         job = worker.job
@@ -239,12 +239,12 @@ class Desk:
         document = self.document
         now = document.file, document.text, document.changed
         if now != self._kept:
-            with suppress(RuntimeError):  # there is no thread to be had: later
+            with suppress(RuntimeError):  # no thread available: try again later
                 self._keeping = self._keeper.submit(self._recovery.keep, copy.copy(document))
                 self._kept = now
 
     def _tell(self, kind: str, number: int, text: str) -> None:
-        """Send what the worker found to all pages, and to those that come."""
+        """Send a message of the worker to all pages, also to those opened later."""
         if kind == 'state':
             if number != self._number:
                 self._found.clear()
@@ -265,7 +265,7 @@ class Desk:
     def _opened(self, document: Document) -> None:
         """Begin with another document that a page has opened."""
         if self._keeping:
-            wait_for([self._keeping])  # it is of the document before
+            wait_for([self._keeping])  # belongs to the previous document
         text, self._notice = self._recovery.give_back(document)
         if text:
             self._todo.appendleft(('page', {'type': 'text', 'text': text}))
@@ -273,7 +273,7 @@ class Desk:
             self._say(self._notice)
 
     def _given_back(self, document: Document) -> str:
-        """Give a document back what was not saved of it; a sentence if there was something."""
+        """Restore unsaved edits of a document; a sentence if there are any."""
         text, said = self._recovery.give_back(document)
         if text:
             document.replace(text)

@@ -1,4 +1,4 @@
-"""A document under the hands of those who have its page open: what they ask for, what they see."""
+"""Session of a document: requests of its pages, and messages to them."""
 
 from __future__ import annotations
 
@@ -42,25 +42,25 @@ Chosen = tuple[tuple[str, ...], dict[str, bool]]
 FARTHEST = 1e4
 """[m] Half the size of the sheet."""
 
-_SAID = 1000  # characters of a sentence; somebody may have given a name of thousands
+_SAID = 1000  # longest sentence [characters]; names may be long
 
 _MOST_PARTS = 160
 """Links and joints of what is drawn: more takes minutes to compile."""
 
 
 class Session:
-    """A document, its picture, and what is grabbed of it.
+    """Session of a document, with its picture and the handle that is dragged.
 
     Parameters
     ----------
-    send : to all pages
-    number : of the first state
-    heavy : why texts are not drawn, for those that are too much
-    chosen : as of another session of the document that this one follows
+    send : callback that sends a message to all pages
+    number : number of the first state
+    heavy : reason by text that is not drawn because it is too large
+    chosen : choices of the previous session of the document
 
     Attributes
     ----------
-    number : counts the states of the document
+    number : number of the document's state
     """
 
     def __init__(
@@ -77,10 +77,10 @@ class Session:
         self._picture = nothing(Document().scene())
         self._beside = BesideDocument()
         self._grabbed: tuple[str, DocumentPicture] | None = None
-        self._of: str | None = None  # the text whose picture this is
-        self._tried: list[Edit] = []  # what is dragged makes of it
-        self._arrows, self._forces_of = ForceArrows(), 0  # the state whose forces are shown
-        self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
+        self._of: str | None = None  # text of the picture
+        self._tried: list[Edit] = []  # edits of the present drag
+        self._arrows, self._forces_of = ForceArrows(), 0  # state number of the forces shown
+        self._pulled: Array | None = None  # coordinates of a machine that is moved by hand
         self._found: dict[str, dict[str, Any]] = {}
         try:
             self._refresh()
@@ -88,10 +88,10 @@ class Session:
         except Exception as error:
             self._give_up(error)
 
-    # --- what is asked for ------------------------------------------------------------------
+    # --- requests ---------------------------------------------------------------------------
 
     def handle(self, message: Mapping[str, Any]) -> None:
-        """Do what a page requests, and show the result, or the reason of a refusal."""
+        """Carry out a request of a page, and show the result or the reason of a refusal."""
         acts: dict[str, Callable[[Mapping[str, Any]], None]] = {
             'drag': self._drag, 'drop': self._drop, 'pull': self._pull, 'draw': self._draw,
             'set': self._set, 'remove': self._remove, 'rename': self._rename,
@@ -106,17 +106,17 @@ class Session:
         if kind not in acts:
             return
         try:
-            if first := message.get('first'):  # being typed, as somebody saves
+            if first := message.get('first'):  # text still being typed on saving
                 acts[str(first['type'])](first)
             acts[kind](message)
         except (InputError, RunError) as error:
             self._say(str(error))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
             self._say('that is not a command of this page')
-        except Exception as error:  # whatever a message raises, all pages go on
+        except Exception as error:  # no message may end the session
             self._say(f'that is not possible ({reason(error)})')
         if kind not in ('drag', 'pull'):
-            if self._grabbed:  # what was dragged goes back, if it was not dropped or cannot stay
+            if self._grabbed:  # restored, unless dropped at an allowed position
                 self._of = None
             self._grabbed, self._tried, self._pulled = None, [], None
             try:
@@ -127,7 +127,7 @@ class Session:
                 self._send(self._shown)
 
     def _give_up(self, error: Exception) -> None:
-        """Show no picture of a document whose picture cannot be made."""
+        """Show an empty picture of a document that cannot be drawn."""
         self._heavy[self.document.text] = f'it cannot be drawn ({reason(error)})'
         self._of = None
         self._picture = nothing(Document().scene())
@@ -135,7 +135,7 @@ class Session:
         self._shown = self.state()
 
     def state(self) -> dict[str, Any]:
-        """All that a page shows."""
+        """Complete state of a page."""
         document, picture = self.document, self._picture
         try:
             content = document.content()
@@ -171,7 +171,7 @@ class Session:
 
     @property
     def chosen(self) -> Chosen:
-        """Choices of those who edit: what is shown beside the document."""
+        """Choices of the users: selected part and traced points."""
         return self._path, self._traced
 
     @property
@@ -192,7 +192,7 @@ class Session:
             return None
 
     def found(self, number: int, kind: str, data: Any) -> None:
-        """Show what came of a job, if it is of the document as it is."""
+        """Show a result of a job, if it is that of the present state."""
         if number != self.number:
             return
         if kind == 'problem' and not self._grabbed:
@@ -203,7 +203,7 @@ class Session:
         self._send(message)
 
     def pause(self) -> None:
-        """Show the forces of ideal joints, if that is not done: nobody asks for anything now."""
+        """Show the forces of ideal joints, if not yet shown, while no request is pending."""
         if self._forces_of == self.number or self._grabbed:
             return
         self._forces_of = self.number
@@ -275,7 +275,7 @@ class Session:
         driven = [c for c in drives_of(scene) if c in tree.coordinates]
         lies = coordinates(tree, poses)[:, None]
         q, left = loops.holding(driven).positions(lies)
-        if left[0]:  # as its drives stand it cannot be assembled
+        if left[0]:  # cannot be assembled at the positions of its drives
             q, left = loops.positions(lies)
         if not left[0]:
             found = dict(zip(tree.coordinates, q[:, 0].tolist(), strict=True))
@@ -305,7 +305,7 @@ class Session:
         self._beside.lain[self.document.text] = picture.poses
 
     def _pull(self, message: Mapping[str, Any]) -> None:
-        """Move the machine along its motion, so that a handle comes nearest to a place."""
+        """Move the machine along its motion, so that a handle comes nearest to a target."""
         turn = self._picture.turn
         if turn is None or not turn.q.size:
             raise InputError('this is not a complete machine yet: it cannot be turned by hand')
@@ -315,7 +315,7 @@ class Session:
             return
         at = turn.machine.plan.points[link][name]
         links = [body.name for body in turn.mechanism.bodies]
-        if not turn.moves:  # whichever way its several motions let it
+        if not turn.moves:  # several degrees of freedom
             before = turn.q[:, 0] if self._pulled is None else self._pulled
             self._pulled = turn.reached(before, link, at, _place(message))
             k, poses = 0, turn.poses_of(self._pulled)
@@ -340,7 +340,7 @@ class Session:
         if written := self._written_out():
             try:
                 self.document.scene(edits)
-            except InputError:  # the short form cannot say it
+            except InputError:  # not possible in the short form
                 edits = [*written, *edits]
         self.document.change([*edits, *as_drawn(self.document, edits, picture, sketch.poses)])
         if self.document.text != before and edits:
@@ -404,7 +404,7 @@ class Session:
 
     def _open(self, message: Mapping[str, Any]) -> None:
         name = str(message.get('name') or '')
-        if 'text' in message:  # of a file that was dropped on a page
+        if 'text' in message:  # text of a file dropped on a page
             document = Document.dropped(name, str(message['text']))
         elif name and name not in scene_names():
             raise InputError(f"there is no scene '{name}' in the package")
@@ -422,7 +422,7 @@ class Session:
 
 
 def _place(message: Mapping[str, Any]) -> tuple[float, float]:
-    """A place on the sheet [m]."""
+    """Position on the sheet [m]."""
     x, y = float(message['x']), float(message['y'])
     if not max(abs(x), abs(y)) <= FARTHEST:
         raise InputError(f'that is too far away: the sheet ends {FARTHEST:g} m from its middle')
@@ -437,7 +437,7 @@ def _grid(message: Mapping[str, Any], document: Document) -> Grid:
 
 
 def _near(data: Mapping[str, Any], picture: DocumentPicture, near: float) -> Spot:
-    """A spot of a page that had not seen the picture yet: on what is there by now [m]."""
+    """Spot of a page with an older picture, on the part at its position [m] in the new one."""
     at = _place(data)
     known = any(handle.key == data.get('handle') for handle in picture.handles)
     if not known and (handle := picture.caught(at, near)):
@@ -457,7 +457,7 @@ def _path(message: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _place_of(problem: str, content: Mapping[str, Any]) -> list[str]:
-    """The path of a scene that a sentence names, as far as it is there; empty if none."""
+    """Path of a scene found in a sentence; empty if there is none."""
     best: list[str] = []
     for word in re.findall(r'[A-Za-z_]\w*(?:\.\w+)*', problem):
         parts = word.split('.')

@@ -1,7 +1,7 @@
-"""A scene to which parts are drawn: where its links lie, and what tools find and make there.
+"""A scene to which parts are drawn: poses of its links, and parts that tools find and make.
 
-What a tool makes are edits of the scene's keys, as from the panel, so that undo, checks and the
-text of the file know nothing of tools; the part that is chosen then comes first.
+Tools make edits of the scene's keys, as the panel does, so that undo, checks and the
+text of the file do not depend on tools; the first edit is that of the selected part.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def points_of(link: Any) -> dict[str, Vector2]:
 
 
 def point(scene: Scene, reference: str) -> tuple[str, str, Vector2] | None:
-    """Link, name and place in the link's frame [m] of ``LINK.POINT`` or ``LINK``."""
+    """Link, name and position in the link's frame [m] of ``LINK.POINT`` or ``LINK``."""
     link, _, name = reference.partition('.')
     name = name or 'start'
     at = points_of(scene.links.get(link)).get(name)
@@ -83,14 +83,14 @@ def drives_of(scene: Scene) -> dict[str, tuple[tuple[str, ...], DrivePart]]:
 
 @dataclass(frozen=True)
 class Handle:
-    """Handle that can be grabbed: a joint, or a point without one.
+    """Handle for dragging: a joint, or a point without one.
 
     Attributes
     ----------
     key : name of the joint, or LINK.POINT
-    members : links with the names of their points that meet there
-    at : in the world [m]
-    joint : whether it is one
+    members : connected links, each with the name of its point
+    at : position in the world [m]
+    joint : True for a joint, False for a free point
     """
 
     key: str
@@ -132,22 +132,22 @@ class Spot(NamedTuple):
 
     at: Vector2
     handle: Handle | None = None
-    link: str = ''  #: under the pointer, where there is no handle
+    link: str = ''  #: link under the pointer, if there is no handle
 
     @property
     def moving(self) -> str:
-        """The link that it is on, if that is not the ground; else empty."""
+        """Name of the moving link at the position; else empty."""
         members = self.handle.members if self.handle else ()
         links = [self.link] if self.link else [link for link, _ in members]
         return next((link for link in links if link != GROUND), '')
 
 
 class Shaft(NamedTuple):
-    """A link that turns, found or made."""
+    """A rotating link, found or made."""
 
     link: str
-    at: Vector2  #: [m] of its axis in the world
-    on: str  #: the link that carries it
+    at: Vector2  #: position of the axis in the world [m]
+    on: str  #: carrying link
     own: str  #: LINK.POINT of the axis on the link itself
     base: str  #: LINK.POINT of the axis on its carrier
     edits: list[Edit]
@@ -157,11 +157,11 @@ class Way(NamedTuple):
     """A link that slides on the ground."""
 
     link: str
-    own: str  #: LINK.POINT that slides
-    at: Vector2  #: [m] of its point in the world
-    axis: float  #: [rad] in the world
-    joint: str  #: its guide
-    along: float  #: [m] how far it is along it
+    own: str  #: LINK.POINT on the sliding link
+    at: Vector2  #: position of this point in the world [m]
+    axis: float  #: direction of the guide in the world [rad]
+    joint: str  #: name of the guide
+    along: float  #: displacement along the guide [m]
 
 
 class Sketch:
@@ -176,7 +176,7 @@ class Sketch:
         self._weighed = bool(masses) and None not in masses
 
     def name(self, stem: str, plain: bool = False) -> str:
-        """A name that is free: the stem, or with the first number that is."""
+        """A free name: the stem, or the stem with the lowest free number."""
         k = 0 if plain else 1
         while (found := f'{stem}_{k}' if k else stem) in self._taken:
             k += 1
@@ -184,15 +184,15 @@ class Sketch:
         return found
 
     def long(self, length: float) -> str:
-        """A length [m] as it is written."""
+        """Text of a length [m], rounded to the grid."""
         return rounded(length, self.grid.step, self.grid.unit)
 
     def size(self, length: float) -> str:
-        """A length [m] of which two digits count."""
+        """Text of a length [m] with two significant digits."""
         return rounded(length, 10.0 ** (math.floor(math.log10(length)) - 1), self.grid.unit)
 
     def where(self, spot: Spot) -> Vector2:
-        """A place: of the handle, or on the grid."""
+        """Position of a spot: that of its handle, or the nearest point of the grid."""
         return spot.handle.at if spot.handle else self.grid.snapped(spot.at)
 
     def ends(self, start: Spot, end: Spot, what: str) -> tuple[Vector2, Vector2, float]:
@@ -229,13 +229,13 @@ class Sketch:
         ]
 
     def reference(self, spot: Spot) -> tuple[str, list[Edit]]:
-        """LINK.POINT of a place on a link or on the ground, and the point if it is new."""
+        """LINK.POINT at a spot on a link or on the ground, and the edits if it is new."""
         if spot.handle:
             return referred(*spot.handle.members[-1]), []
         return self.point(spot.link or GROUND, self.where(spot))
 
     def point(self, link: str, at: Vector2) -> tuple[str, list[Edit]]:
-        """LINK.POINT of a new point of a link, in the world [m], and what makes it."""
+        """LINK.POINT of a new point of a link, at a world position [m], and its edits."""
         known = points_of(self.scene.links.get(link)).keys() | self._points.setdefault(link, set())
         k = 1
         while (name := f'p{k}') in known:
@@ -245,7 +245,7 @@ class Sketch:
         return f'{link}.{name}', [Edit(('links', link, 'points', name), local)]
 
     def on_link(self, spot: Spot, what: str) -> tuple[str, list[Edit]]:
-        """LINK.POINT of a place on a moving link, and the point if it is new."""
+        """LINK.POINT at a spot on a moving link, and the edits if it is new."""
         if spot.handle:
             for link, name in reversed(spot.handle.members):
                 if link != GROUND:
@@ -257,7 +257,7 @@ class Sketch:
         return self.reference(spot)
 
     def joint(self, reference: str, link: str) -> list[Edit]:
-        """A pin between a point and a link that is drawn to it."""
+        """A pin between a point and the link drawn to it."""
         return [Edit(self.named(reference, link), {'revolute': [reference, link]})]
 
     def named(self, one: str, two: str) -> tuple[str, str]:
@@ -265,15 +265,15 @@ class Sketch:
         stem = f'{one.partition(".")[0]}_{two.partition(".")[0]}'
         return 'joints', self.name(stem, plain=True)
 
-    # --- what carries a link ----------------------------------------------------------------
+    # --- supports of links ------------------------------------------------------------------
 
     def turning(self, spot: Spot, stem: str) -> Shaft:
-        """The link that turns about a place, or one that turns and is there; else a new one.
+        """The link that rotates about a spot, or a rotating link at it; else a new one.
 
         Parameters
         ----------
-        stem : of the name of a link that is made, with its pivot on the ground or on the link
-            whose point this is
+        stem : stem of the name of a new link, with its pivot on the ground or on the link
+            of this point
         """
         handle = spot.handle
         found = []
@@ -286,10 +286,10 @@ class Sketch:
         return self._shaft(stem, base, self.where(spot), edits)
 
     def shafts(self, start: Spot, end: Spot, stem: str, what: str) -> tuple[Shaft, Shaft]:
-        """Two links that turn, found or made as by `turning`.
+        """Two rotating links, found or made as by `turning`.
 
-        Where one carries the other, a new one takes its place, about its own axis; it is held
-        where a drive moves the machine.
+        If one carries the other, it is replaced by a new link about its own axis, which is held
+        at rest if the machine has a drive.
         """
         one, two = (self.turning(spot, stem) for spot in (start, end))
         if two.on == one.link:
@@ -337,7 +337,7 @@ class Sketch:
         return sorted(found, key=lambda x: x.on != GROUND)
 
     def sliding(self, spot: Spot) -> Way | None:
-        """The link at a place, if it slides on the ground."""
+        """The link at a spot, if it slides on the ground."""
         links = [x for x, _ in spot.handle.members] if spot.handle else [spot.link]
         for name, joint in self.scene.joints.items():
             one, two = (point(self.scene, reference) for reference in joint.points)
@@ -352,8 +352,8 @@ class Sketch:
 
         Returns
         -------
-        its name, how far it is along the line [m] where it lies at `base`, and what makes it but
-        for the link and where it lies
+        its name, its displacement along the line [m] at `base`, and the edits that make its guide
+        but not the link and its pose
         """
         name, way = self.name(stem), rotate((1.0, 0.0), axis)
         # the line passes through the origin if that lies on it

@@ -1,6 +1,6 @@
-"""Tools of the palette, and those of each kind of joints, loads and sensors.
+"""Tools of the palette, and tools of each kind of joint, load and sensor.
 
-A file of `mechanism_sim.editor.tools` registers them; the kinds know nothing of the editor.
+Files of `mechanism_sim.editor.tools` register them; kinds do not depend on the editor.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ class Tool:
 
     Attributes
     ----------
-    name : in the palette
-    key : on the keyboard, as ``B`` or ``Shift+B``
-    icon : the path of an SVG of 16 by 16
-    hint : what to do
-    draw : makes the part
-    gesture : a ``band`` from one place to another, a ``click``, or done ``now``
+    name : name in the palette
+    key : shortcut, as ``B`` or ``Shift+B``
+    icon : path data of an SVG of 16 by 16
+    hint : instruction for the user
+    draw : function that makes the edits of the part
+    gesture : ``band`` between two positions, ``click``, or ``now`` for none
     """
 
     name: str
@@ -53,7 +53,7 @@ REFITS: dict[str, _Refit] = {}
 
 
 def register(kind: str, *tools: Tool, refit: _Refit | None = None) -> None:
-    """Make the tools of a kind known."""
+    """Register the tools of a kind."""
     TOOLS[kind] = tools
     if refit:
         REFITS[kind] = refit

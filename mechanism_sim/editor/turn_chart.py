@@ -18,7 +18,7 @@ _ORDERS = {
 
 
 def names(turn: Turn | None) -> list[str]:
-    """All that can be charted, as ``PART: QUANTITY``; nothing where a machine does not move."""
+    """Quantities for a chart, as ``PART: QUANTITY``; empty if the machine does not move."""
     if turn is None or not turn.moves:
         return []
     tree, found = turn.mechanism, []

@@ -1,4 +1,4 @@
-"""A machine with a pin that has worn, beside the one that is drawn."""
+"""A machine with a worn pin, compared with the drawn one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GRID = Grid(1e-3, 'mm')
 
 
 def joints(scene: Scene) -> dict[str, float | None]:
-    """The pins that may wear, with the radial clearance [m] that they have; None of ideal ones."""
+    """Radial clearance [m] by pin that may wear; None for ideal ones."""
     return {
         name: joint.clearance.radial if joint.clearance else None
         for name, joint in scene.joints.items()
@@ -23,7 +23,7 @@ def joints(scene: Scene) -> dict[str, float | None]:
 
 
 def edits(sketch: Sketch, joint: str, radial: float) -> list[Edit]:
-    """A clearance of a pin, with the masses that the links need who fly then."""
+    """Edits for a clearance of a pin, and for masses that links need in free flight."""
     text = rounded(radial, 1e-7, 'mm')
     path = 'joints', joint, 'clearance'
     if sketch.scene.joints[joint].clearance:

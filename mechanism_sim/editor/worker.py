@@ -47,34 +47,34 @@ class Worker:
 
     Parameters
     ----------
-    document : kept equal to that of the session, as far as it came, whatever becomes of it
-    send : called with kind, number of the state and JSON text of what is to be sent to all pages
-    opened : called when another document was opened
+    document : copy of the session's document, updated with each of its changes
+    send : callback with kind, state number and JSON text of a message to all pages
+    opened : callback after another document has been opened
 
     Attributes
     ----------
-    number : of the state of the document, as of `Session`
-    trouble : why it has no process, if it could not be started
-    job : what is to be checked and run, as it was when it was asked for last
+    number : state number of the document, as in `Session`
+    trouble : reason why no process could be started; else empty
+    job : last job reported by the session, to be checked and run
     """
 
     def __init__(self, document: Document, send: Send, opened: Callable[[Document], None]) -> None:
         self.document, self._send, self._opened = document, send, opened
         self.number, self.job = 0, None
-        self._heavy: dict[str, str] = {}  # texts that are not drawn, and why
+        self._heavy: dict[str, str] = {}  # reason by text that is not drawn
         self._since: float | None = None
-        self._asked: tuple[str, Any] | None = None  # of which nothing has come yet
+        self._asked: tuple[str, Any] | None = None  # pending request, without any effect yet
         self._retried: tuple[str, Any] | None = None
         self._tried, self.trouble = False, ''
-        self._chosen: Any = None  # what its session shows beside the document
-        self._small = 0.0  # [MiB] when it was new
+        self._chosen: Any = None  # selection and traced points of the session
+        self._small = 0.0  # [MiB] memory of the new process
         self._process: Any = None
         self._link: Any = None
         self._start()
 
     @property
     def links(self) -> list[Connection]:
-        """Connections that become readable when there is something for `take`."""
+        """Connections that become readable when `take` has messages to read."""
         return [self._link] if self._link else []
 
     @property
@@ -84,7 +84,7 @@ class Worker:
 
     @property
     def grown(self) -> bool:
-        """True if it waits, and holds much more memory than when it was new."""
+        """True if the process is idle and holds much more memory than when it was new."""
         if self.busy or self._process is None:
             return False
         size = resident(self._process.pid)
@@ -92,11 +92,11 @@ class Worker:
         return size > max(LARGEST, 1.5 * self._small)
 
     def renew(self) -> None:
-        """Let a new process go on with the document as it is."""
+        """Replace the process; the new one continues with the present document."""
         self._again('')
 
     def ask(self, kind: str, item: Any = None) -> None:
-        """Let it do something, which it may only if it is not busy.
+        """Send a request to the process, which must be idle.
 
         Parameters
         ----------
@@ -111,18 +111,18 @@ class Worker:
             self._again('', retry=True)
 
     def take(self) -> None:
-        """Receive what the worker has to report."""
+        """Receive the messages of the process."""
         try:
             while self._link and self._link.poll():
                 self._hear(*self._link.recv())
-        except (EOFError, OSError):  # it has ended, by a fault of a library or of the memory
+        except (EOFError, OSError):  # the process crashed or ran out of memory
             self._again(
                 'it is not drawn: the drawing process has ended; the machine may be too large',
                 True,
             )
 
     def look(self, outdated: bool) -> None:
-        """End what takes too long, or is wanted no more."""
+        """End a request that takes too long or is outdated."""
         if self._process is None and self.busy > RETRY:
             self._start()
         if not self._begun:
@@ -133,12 +133,12 @@ class Worker:
             self._again(_CANCELLED)
 
     def _spends(self) -> float:
-        """CPU time [s] of what it does, or a part of the time, where that is not known."""
+        """CPU time [s] of the present request; at least a fraction of its elapsed time."""
         spent = cpu_time(self._process.pid)
         return self.busy / _BUSY if spent is None else max(spent - self._before, self.busy / _BUSY)
 
     def close(self) -> None:
-        """End its process."""
+        """End the process."""
         if self._process and self._link:
             self._process.kill()
             self._process.join()
@@ -149,15 +149,15 @@ class Worker:
         self._process, self._link, self._small = None, None, 0.0
         context = get_context('spawn')
         ours: list[Connection] = []
-        # It gets the document when it is there to take it: until then nobody reads, and a document
-        # with all texts before is more than a pipe holds.
+        # The document is sent once the process reads: before that nothing reads, and a document
+        # with its undo history is more than a pipe holds.
         # not a daemon in multiprocessing's sense, which `process_exit.follow` makes of it
         try:
             ours += context.Pipe()
             process = context.Process(target=_work, args=(ours[1],), daemon=True)
             with process_exit.signals_held():
                 process.start()
-        except OSError as error:  # no memory, no processes, no files: that may pass
+        except OSError as error:  # no memory, processes or files: may be temporary
             for end in ours:
                 end.close()
             before, self.trouble = self.trouble, _NOT_STARTED.format(reason(error))
@@ -168,9 +168,9 @@ class Worker:
         ours[1].close()
 
     def _again(self, why: str, retry: bool = False) -> None:
-        """Begin anew with the document as far as it came.
+        """Restart the process with the last received document.
 
-        `retry` : what was asked for is asked for once more, if nothing came of it
+        `retry` : repeat the pending request of a page, if it had no effect yet
         """
         process, link = self._process, self._link
         process.kill()
@@ -180,7 +180,7 @@ class Worker:
             while link.poll():
                 self._hear(*link.recv())
         except (EOFError, OSError):
-            pass  # that was all
+            pass  # no further messages
         link.close()
         self.number += 1
         if why:
@@ -203,7 +203,7 @@ class Worker:
                 self.document.follow(change, value)
         elif kind == 'job':
             (self.job,) = items
-        elif kind == 'begun':  # its modules are there; from here on it draws
+        elif kind == 'begun':  # modules are loaded; the process is ready
             self._since, self._begun = time.monotonic(), True
             heavy = {text: why for text, why in self._heavy.items() if text == self.document.text}
             self._link.send((self.document, self.number, heavy, self._chosen))

@@ -48,7 +48,7 @@ class EventStages:
     ----------
     counters : counters of `run`, see `respond.STAGE`
     fallen : guard of the last stage of an event
-    changed : whether the last call changed any mode
+    changed : True if the last call changed any mode
     """
 
     def __init__(

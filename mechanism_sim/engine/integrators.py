@@ -30,7 +30,7 @@ class Integrators:
     Attributes
     ----------
     main : integrator with state, series, time and parameters of the run after every step
-    short : whether steps of low order are allowed
+    short : True if steps of low order are allowed
     """
 
     def __init__(self, system: System, rtol: float, scale: float, compact: bool) -> None:

@@ -23,7 +23,7 @@ class RunExpressions:
     dynamics : the equations of motion
     normals : components of the normal of every gap, from bushing to pin
     set_valued : set-valued forces: loads against a motion, friction in ideal joints
-    switches : of all loads, tables and frictions
+    switches : switches of all loads, tables and frictions
     parameters : indices and values of the runtime parameters ``par[]``
     """
 

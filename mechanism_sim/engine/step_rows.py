@@ -71,7 +71,7 @@ def end_of(guard: Array, h: float, opens: bool, scaled: Array) -> float:
     Parameters
     ----------
     guard : (n + 1,) coefficients, the constant first
-    opens : whether a guard that rises from a rounding below zero counts as positive
+    opens : True if a guard that rises from a rounding below zero counts as positive
     scaled : (n + 1,) overwritten
     """
     n, power, rest, end = len(guard), h, 0.0, float(guard[0])

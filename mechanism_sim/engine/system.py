@@ -202,7 +202,7 @@ class System:
         compact : compile slower but smaller code (for many coordinates)
         owner : object that steps with it; by default this system
         order : order of its series; by default from `rtol`
-        sticks : whether contacts may stick
+        sticks : True if contacts may stick
         """
         # four orders more: 300 instead of 390 steps in a revolution of the thesis scene
         # and not fewer than laws have: their polynomials stand beside its series
@@ -220,7 +220,7 @@ class System:
 
         Parameters
         ----------
-        sticks : whether contacts may stick
+        sticks : True if contacts may stick
         """
         if sticks not in self._taylors:
             self._taylors[sticks] = self._made(

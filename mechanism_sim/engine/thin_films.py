@@ -100,7 +100,7 @@ class FilmWatch:
         ----------
         steps : since the start
         end : [s] of the run, as far as that is known
-        final : whether it ends there, under the laws that are known now
+        final : True if it ends there, under the laws that are known now
 
         Raises
         ------

@@ -16,7 +16,7 @@ class Totals:
     Attributes
     ----------
     impacts, mode_changes, losses_of_contact : numbers of events
-    normal_impulse, largest_impulse : of all impacts together, and of the hardest [N s]
+    normal_impulse, largest_impulse : sum over all impacts, and largest value [N s]
     """
 
     def __init__(self) -> None:

@@ -23,13 +23,13 @@ _VISIBLE, _MOST = 0.04, 1000.0
 class Bending:
     """The field of displacements of a link, linear in its elastic coordinates.
 
-    What is magnified is the distance of the axis from the straight line through the outermost
+    The magnified quantity is the distance of the axis from the straight line through the outermost
     joints of the link (from the parallel through a single one), so that these stay where they are.
 
     Attributes
     ----------
-    ends : places [m] of these joints along the axis
-    magnified : how many times as large deformations are shown
+    ends : positions [m] of these joints along the axis
+    magnified : magnification of deformations
     """
 
     beam: Beam
@@ -37,7 +37,7 @@ class Bending:
     magnified: float = 1.0
 
     def fields(self, x: Array) -> tuple[Array, Array, Array]:
-        """Displacements along and across the axis, and slopes, at places x (k,): (n, k) each."""
+        """Displacements along and across the axis [m], and slopes, at x (k,) [m]: (n, k) each."""
         beam, m = self.beam, self.magnified
         modes = len(beam.names) - beam.stretch
 
@@ -54,7 +54,7 @@ class Bending:
         return along, across, slope - (m - 1.0) * rate[1]
 
     def moved(self, points: Array, amplitudes: Array) -> Array:
-        """Points (k, 2) [m] of the link's frame when its coordinates are (N, n): (N, k, 2)."""
+        """Deformed points (N, k, 2) [m] of points (k, 2) [m] at elastic coordinates (N, n)."""
         x = np.clip(points[:, 0], 0.0, self.beam.length)
         along, across, slope = self.fields(x)
         across = across + (points[:, 0] - x) * slope
@@ -62,7 +62,7 @@ class Bending:
         return np.asarray(points + np.tensordot(amplitudes, shifts, 1))
 
     def to_json(self) -> dict[str, Any]:
-        """The fields at stations evenly along the axis."""
+        """Fields at equidistant stations along the axis."""
         named = zip(('along', 'across', 'slope'), self.fields(self._stations), strict=True)
         return {'length': self.beam.length, **{name: x.tolist() for name, x in named}}
 
@@ -71,7 +71,7 @@ class Bending:
         return np.linspace(0.0, self.beam.length, _STATIONS)
 
     def largest(self, amplitudes: Array) -> float:
-        """The largest distance [m] that is magnified, of coordinates (N, n)."""
+        """The largest magnified distance [m] at coordinates (N, n)."""
         along, across, _ = replace(self, magnified=2.0).fields(self._stations)
         true = replace(self, magnified=1.0).fields(self._stations)
         bent = np.hypot(amplitudes @ (along - true[0]), amplitudes @ (across - true[1]))
@@ -85,8 +85,8 @@ def bendings(
 
     Parameters
     ----------
-    size : of the machine [m]
-    magnified : 0: so that bending is visible, a round number
+    size : size of the machine [m]
+    magnified : magnification; 0 for a round number that makes bending visible
     """
     found: dict[str, Bending] = {}
     for link, beam in mechanism.having(Beam).items():
@@ -104,14 +104,14 @@ def bendings(
 
 
 def round_below(value: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, ... that is not above a positive value."""
-    above = value * (1.0 + 1e-9)  # as a thousand that is not all there but for rounding
+    """The largest of 1, 2, 5, 10, 20, ... not above a positive value."""
+    above = value * (1.0 + 1e-9)  # e.g. a thousand less a rounding error
     decade = 10.0 ** math.floor(math.log10(above))
     return max(x * decade for x in (1.0, 2.0, 5.0) if x * decade <= above)
 
 
 def scale_bar(width: float) -> tuple[float, str]:
-    """A round length [m] of at most a fifth of a drawing's width [m], and how it is written."""
+    """A round length [m] of at most a fifth of a drawing's width [m], and its text."""
     length = round_below(0.2 * width)
     unit, name = next(x for x in ((1.0, 'm'), (1e-3, 'mm'), (0.0, 'µm')) if length >= x[0])
     return length, f'{length / (unit or 1e-6):.3g} {name}'

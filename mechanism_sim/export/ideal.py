@@ -1,6 +1,6 @@
-"""A machine without clearance as other programs can have it: where its links are, their solids.
+"""A machine without clearance for other programs: poses and solids of its links.
 
-Their trees want joints that turn or slide: guides are all kept, revolute joints close the loops. A
+Trees need revolute or prismatic joints: all guides are in the tree, revolute joints close loops. A
 pin in a slot becomes a light block that slides in the slot and turns on the pin.
 """
 
@@ -30,23 +30,23 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 
-#: points of a link nearer than this are one, as a share of the machine's size
+#: tolerance of coincident points of a link, as a share of the machine's size
 SAME = 1e-6
 
-#: of a bar, as a share of the machine's size
+#: width of a bar, as a share of the machine's size
 WIDTH = 1.0 / 30.0
 
-#: of the ground, and of links in turn: a palette that the colour-blind can tell apart (Okabe, Ito)
+#: colours of the ground and, cyclically, of links: palette safe for colour blindness (Okabe, Ito)
 _COLOURS = ('0.6 0.6 0.6', '0.9 0.6 0', '0.35 0.7 0.9', '0 0.6 0.5', '0.8 0.4 0', '0 0.45 0.7')
 WORLD = 'world'
 
-#: mass of a block in a slot, and of links without mass, as a share of the heaviest link's
+#: mass of a block in a slot, and of massless links, as a share of the heaviest link's
 LIGHT = 1e-4
 
-#: radius of gyration of what has no inertia, as a share of the machine's size
+#: radius of gyration of links without inertia, as a share of the machine's size
 _COMPACT = 0.1
 
-#: time steps in a turn of the drive at its largest speed, or in a run; and the longest step [s]
+#: time steps per turn of the drive at its largest speed, or per run; and the longest step [s]
 STEPS, LONGEST = 4000, 1e-3
 
 
@@ -57,11 +57,11 @@ def frame_of(link: str, prefix: str) -> str:
 
 @dataclass(frozen=True)
 class Ideal:
-    """The ideal mechanism of a machine, put together at its start.
+    """The ideal mechanism of a machine, assembled at its start.
 
     Parameters
     ----------
-    machine : whose it is
+    machine : the machine
     """
 
     machine: Machine
@@ -76,7 +76,7 @@ class Ideal:
             if not in_slot(joint):
                 joints.append(joint)
                 continue
-            assert joint.line  # noqa: S101 - in_slot has seen it
+            assert joint.line  # noqa: S101 - checked by in_slot
             block = f'{joint.name}.block'
             bodies.append(self._weighed(Body(block, 0.0, 0.0, (0.0, 0.0))))
             joints += [
@@ -85,7 +85,7 @@ class Ideal:
                 Revolute(joint.name, joint.first, block, joint.on_first, (0.0, 0.0)),
             ]  # fmt: skip
         links = [body.name for body in bodies]
-        # guides of driven links come first into the tree: here all do
+        # guides of driven links come first into the tree: here all guides do
         cut = closing_joints(links, joints, (), (GROUND, *links))
         return Mechanism(tuple(bodies), tuple(joints), cut, plan.scene.gravity)
 
@@ -102,12 +102,12 @@ class Ideal:
 
     @cached_property
     def poses(self) -> dict[str, Array]:
-        """Places [m] and angles [rad] of the links at the start, and of the ground (3,)."""
+        """Poses (3,) [m, m, rad] of the links and of the ground at the start."""
         return {link: pose for link, (pose, _) in self._states.items()}
 
     @cached_property
     def rates(self) -> dict[str, Array]:
-        """Their rates (3,) [m/s, rad/s]."""
+        """Rates (3,) [m/s, m/s, rad/s] of the poses at the start."""
         return {link: rate for link, (_, rate) in self._states.items()}
 
     @cached_property
@@ -143,7 +143,7 @@ class Ideal:
         return float(way @ (b - a)), float(way @ (vb - va))
 
     def turned(self, link: str, other: str) -> tuple[float, float]:
-        """Angle [rad] of a link against another at the start, and its rate [rad/s]."""
+        """Angle [rad] of a link relative to another at the start, and its rate [rad/s]."""
         angle = self.poses[link][2] - self.poses[other][2]
         return float(angle), float(self.rates[link][2] - self.rates[other][2])
 
@@ -160,7 +160,7 @@ class Ideal:
         return (j for j in cut if isinstance(j, Revolute))
 
     def left_out(self) -> Iterator[str]:
-        """Properties that the mechanism of any format lacks, in sentences."""
+        """Properties that the mechanism lacks in every format, in sentences."""
         plan = self.machine.plan
         for link, own in plan.ideal.extensions.items():
             if own.flexible:
@@ -197,12 +197,12 @@ class Ideal:
 
 
 def in_slot(joint: Joint) -> bool:
-    """True of a higher pair that lets a pin of its first link slide along a line of its second."""
+    """True for a higher pair with a pin of its first link on a line of its second."""
     return isinstance(joint, HigherPair) and joint.line is not None
 
 
 def check_names(machine: Machine) -> None:
-    """Refuse a link whose name other programs have for the ground."""
+    """Refuse a link with the name of the ground in other programs."""
     if any(body.name == WORLD for body in machine.plan.bodies):
         raise InputError(
             f"{machine.name}: a link named '{WORLD}' cannot be exported, that is the ground of "
@@ -211,9 +211,9 @@ def check_names(machine: Machine) -> None:
 
 
 def way(joint: Prismatic, link: str) -> Vector2:
-    """Direction in which the joint's displacement moves a link of it, in the link's frame.
+    """Direction of a link's motion with the joint's displacement, in the link's frame.
 
-    The other link rests.
+    The other link is at rest.
     """
     if link == joint.first:
         return rotate((-1.0, 0.0), joint.axis)
@@ -226,7 +226,7 @@ def time_step(machine: Machine) -> float:
 
 
 def _carried(pose: Array, rate: Array, at: Vector2) -> tuple[Array, Array]:
-    """A point of a link and its velocity (2,) [m, m/s], at the link's pose and rates."""
+    """Position and velocity (2,) [m, m/s] of a link's point, from the link's pose and rates."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = c * at[0] - s * at[1], s * at[0] + c * at[1]
     return pose[:2] + np.array([x, y]), rate[:2] + rate[2] * np.array([-y, x])
@@ -238,12 +238,12 @@ class Solid:
 
     Parameters
     ----------
-    link : that carries it, or the ground
-    kind : what it is
+    link : link that carries it, or the ground
+    kind : shape of the solid
     size : lengths along x, y, z of a box; radius and length of a cylinder [m]
-    at : its middle in the link's frame [m]; z is only for the eye, links lie side by side
-    turn : of a box about z [rad]
-    colour : red, green and blue, the same on the whole link
+    at : centre in the link's frame [m]; z only separates links in views
+    turn : rotation of a box about z [rad]
+    colour : red, green and blue of the link
     """
 
     link: str
@@ -257,10 +257,10 @@ class Solid:
 def solids(machine: Machine) -> list[Solid]:
     """Solids of the ground and of all links.
 
-    Links are bars between their joints, in layers; revolute joints pins, sliders blocks on their
-    rails, which are as long as the machine is large around where the sliders start; gears, cams
+    Links are bars between their joints, in layers; revolute joints are pins, sliders blocks on
+    rails as long as the machine's size about the start position; gears, cams
     and Geneva wheels are discs: a gear of its pitch radius, a cam of its base circle, a Geneva
-    wheel as far as its slots reach.
+    wheel up to the ends of its slots.
     """
     ideal = Ideal(machine)
     mechanism = ideal.mechanism
@@ -297,7 +297,7 @@ def solids(machine: Machine) -> list[Solid]:
 
 
 def _corners(joints: tuple[Joint, ...], link: str) -> Array:
-    """The joints of a link (k, 2) [m], in the order in which they lie around their middle."""
+    """Joints of a link (k, 2) [m], in the order of angles about their centre."""
     at = [j.on_first for j in joints if j.first == link]
     at += [j.on_second for j in joints if j.second == link]
     x = np.array(at or [(0.0, 0.0)])

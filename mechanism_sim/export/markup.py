@@ -9,12 +9,12 @@ Element = ElementTree.Element
 
 
 def text(*numbers: float) -> str:
-    """Numbers that are read as the same floats."""
+    """Text of numbers that is read back as the same floats."""
     return ' '.join(repr(float(x)) for x in numbers)
 
 
 def comment(parent: Element, *sentences: str) -> None:
-    """Sentences in comments, where no two hyphens may meet."""
+    """Sentences as comments, which may not contain two hyphens in a row."""
     for sentence in sentences:
         parent.append(ElementTree.Comment(f' {re.sub("-+", "-", sentence)} '))
 

@@ -1,8 +1,8 @@
 """MJCF of the ideal mechanism of a machine, for MuJoCo.
 
-Links are bodies in a tree of hinges and slides, whose coordinates are those of a link against the
-one that carries it. Points that are held together close the loops; gears are tendons, sums of
-joint coordinates, that keep their length. Everything moves in the plane z = 0.
+Links are bodies in a tree of hinges and slides; coordinates are those of a link relative to the
+one that carries it. Connected points close the loops; gears are tendons: sums of
+joint coordinates of constant length. All motion is in the plane z = 0.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.plan import keeps_speed
 
-#: flywheel of a drive of given speed, in inertias of the machine; and the share of an error of its
-#: speed that its servo takes off in a step
+#: flywheel of a drive of given speed, in inertias of the machine; and the share of a speed
+#: error that its servo corrects in a step
 FLYWHEEL, _GAIN = 1e6, 1.0
 
 
@@ -38,11 +38,11 @@ def to_mjcf(machine: Machine) -> str:
     """The text of an MJCF file of a machine without clearance.
 
     Bodies are named as links, joints and constraints as those of the scene; a hinge's coordinate
-    is the angle of a link against the one that carries it, a slide's the displacement. Drives are
+    is the angle of a link relative to its carrier, a slide's the displacement. Drives are
     actuators named after their coordinates: of prescribed ones with the speed as control, the
     others with an additional torque. The keyframe `start` has the rates at the start and the
-    controls. Constraints are as stiff as MuJoCo allows, two time steps: what is wrong with them
-    becomes less with the step. What is left out is in comments, see `left_out`.
+    controls. Constraints are as stiff as MuJoCo allows, two time steps: their error
+    decreases with the step. Omissions are in comments, see `left_out`.
     """
     check_names(machine)
     return written(_MjcfWriter(Ideal(machine)).root)
@@ -67,7 +67,7 @@ def left_out(machine: Machine) -> list[str]:
 
 
 class _MjcfWriter:
-    """Writes one file."""
+    """Writer of a file."""
 
     def __init__(self, ideal: Ideal) -> None:
         self._ideal, self._m = ideal, ideal.mechanism
@@ -124,7 +124,7 @@ class _MjcfWriter:
         return [e for e in found if isinstance(e, AppliedForce) or _is_linear(e, self._ideal)]
 
     def _bodies(self, parent: Element, link: str) -> None:
-        """Elements of a link; depth first, in which order MuJoCo counts joints too."""
+        """Elements of a link, depth first, as MuJoCo numbers joints."""
         for body in self._m.bodies:
             floats = body.name in self._m.floating
             if link != (GROUND if floats else self._m.parent(body.name)):
@@ -190,7 +190,7 @@ class _MjcfWriter:
                     SubElement(body, 'site', name=element.name, pos=text(*at, 0.0))
 
     def _geometry(self, body: Element, link: str) -> None:
-        """Write the visual geometry of a link, which takes no part in collisions."""
+        """Write the visual geometry of a link, without collisions."""
         for solid in self._drawn:
             if solid.link == link:
                 # MuJoCo has a radius, and half lengths
@@ -210,7 +210,7 @@ class _MjcfWriter:
                    body2=WORLD if other == GROUND else other)  # fmt: skip
 
     def _couple(self, coupling: Coupling) -> None:
-        """A sum of coordinates that stays what it is at the start."""
+        """A sum of coordinates that keeps its value at the start."""
         pair = coupling.joint
         terms: dict[str, float] = {}
         sides = zip((pair.first, pair.second), coupling.factors, coupling.racks, strict=True)
@@ -232,7 +232,7 @@ class _MjcfWriter:
         return tendon
 
     def _hinges(self, link: str) -> list[str]:
-        """The hinges whose coordinates add up to a link's angle, but for what guides add."""
+        """Hinges with coordinates that add up to a link's angle, apart from angles of guides."""
         found: list[str] = []
         while link != GROUND:
             if link in self._m.floating:
@@ -244,7 +244,7 @@ class _MjcfWriter:
         return found
 
     def _beyond(self, link: str) -> float:
-        """A link's angle less the coordinates of its hinges [rad]."""
+        """A link's angle minus the coordinates of its hinges [rad]."""
         fixed = 0.0
         while link != GROUND and link not in self._m.floating:
             parent = self._m.parent(link)
@@ -254,7 +254,7 @@ class _MjcfWriter:
         return fixed
 
     def _drive(self, coordinate: str) -> None:
-        """An actuator, which turns its link against the ground, or moves it along its guide."""
+        """An actuator between a link and the ground, or along the link's guide."""
         machine = self._ideal.machine
         law, ideal = machine.plan.laws[coordinate][0], machine.plan.ideal
         straight, offset = coordinate in ideal.displacements, 0.0
@@ -270,7 +270,7 @@ class _MjcfWriter:
             driven = self._joints[hinges[0]]
             actuator.set('joint', hinges[0])
         if isinstance(law, DriveLaw):
-            # all mass [kg], or its inertia as far out as the machine is large [kg m^2]
+            # total mass [kg], or its inertia at a distance of the machine's size [kg m^2]
             mass = sum(body.mass for body in self._m.bodies)
             if straight:
                 load = mass
@@ -304,7 +304,7 @@ class _MjcfWriter:
         self._pulling(spring, terms, spring.free_angle - fixed)
 
     def _pulling(self, spring: Elongation, terms: dict[str, float], free: float) -> None:
-        """A spring and a damper of a sum of joint coordinates, which is so much without force."""
+        """A spring and a damper of a sum of joint coordinates, with its force-free value."""
         stiffness, damping = spring.law.numbers or (0.0, 0.0)
         self._sum(
             spring.name, terms, stiffness=text(stiffness), springlength=text(free),
@@ -312,7 +312,7 @@ class _MjcfWriter:
         )  # fmt: skip
 
     def _force(self, load: AppliedForce, wrench: tuple[float, float, float]) -> None:
-        """A constant force, in the directions of the ground or of its link."""
+        """A constant force, in axes of the ground or of its link."""
         x, y, torque = wrench
         actuator = SubElement(
             self._actuators, 'general', name=load.name, site=load.name,
@@ -324,7 +324,7 @@ class _MjcfWriter:
 
 
 def _is_linear(element: object, ideal: Ideal) -> TypeGuard[Elongation]:
-    """True of springs and dampers by numbers, between points or links or along a guide."""
+    """True for linear springs and dampers, between points or links or along a guide."""
     if not isinstance(element, Spring | TorsionSpring):
         return False
     if isinstance(element, GuidedSpring) and element.joint in ideal.mechanism.cut:
@@ -333,7 +333,7 @@ def _is_linear(element: object, ideal: Ideal) -> TypeGuard[Elongation]:
 
 
 def _constant(load: AppliedForce) -> tuple[float, float, float] | None:
-    """Force [N] and torque [N m] of a load that never change; none of another."""
+    """Force [N] and torque [N m] of a constant load; None for other loads."""
     x, y, torque = *load.force, load.torque
     if load.during or isinstance(x, str) or isinstance(y, str) or isinstance(torque, str):
         return None

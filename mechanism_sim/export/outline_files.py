@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.packages import needed
 
-#: around the picture, width of a line, half the length of a line of the mark at a shaft [mm]
+#: margin of the picture, width of a line, half length of a line of a shaft's mark [mm]
 MARGIN, LINE, _CROSS = 5.0, 0.25, 3.0
 
 
@@ -43,14 +43,14 @@ def to_dxf(outline: Outline) -> str:
 
 
 def _layer(part: Polygon | Circle) -> str:
-    """Named after the part; some characters may not be in it."""
+    """Name of the layer of a part, without characters that DXF forbids."""
     return re.sub(r'[<>/\\":;?*|=`]', '_', part.name.upper())
 
 
 def to_svg(outline: Outline) -> str:
-    """The outline in millimetres: edges drawn through, guides dashed, a cross at each shaft.
+    """The outline in millimetres: edges solid, guides dashed, a cross at each shaft.
 
-    Elements have the names of the curves as their ids. Curves are polygons.
+    Ids of elements are the names of the curves. Curves are polygons.
     """
     low, high = 1e3 * outline.box
     left, top = low[0] - MARGIN, -high[1] - MARGIN  # the picture's y axis points down

@@ -26,16 +26,16 @@ INK, PAPER, GROUND, ACCENT = '#1f2933', '#ffffff', '#66727f', '#c4342d'
 IMPACT = '#b35900'
 """Colour of the marks of impacts."""
 
-_TINT = 0.30  # of a link's colour in its body, the rest is paper
+_TINT = 0.30  # share of a link's colour in its body; the rest is paper
 
 
 def index(number: int) -> int:
-    """Index of the colour of a link or line of this number; -1 for the frame."""
+    """Index of the colour of a link or line by its number; -1 for the frame."""
     return -1 if number < 0 else number % len(LINKS)
 
 
 def colour(number: int) -> str:
-    """Colour of a link or line by its number; of the frame if that is negative."""
+    """Colour of a link or line by its number; negative for the frame."""
     return GROUND if number < 0 else LINKS[index(number)]
 
 
@@ -53,13 +53,13 @@ def css() -> str:
 
 
 def numbers(mechanism: Mechanism) -> dict[str, int]:
-    """Numbers of joints and moving links by name, which choose their colours."""
+    """Numbers of joints and moving links by name, which select their colours."""
     joints = {joint.name: k for k, joint in enumerate(mechanism.joints)}
     return joints | {body.name: k for k, body in enumerate(mechanism.bodies)}
 
 
 def tint(shade: str, part: float = _TINT) -> str:
-    """A colour mixed with that of the paper."""
+    """A colour mixed with that of paper."""
     mixed = (part * a + (1.0 - part) * b for a, b in zip(rgb(shade), rgb(PAPER), strict=True))
     return '#' + ''.join(f'{round(255 * x):02x}' for x in mixed)
 

@@ -1,4 +1,4 @@
-"""Links as they are drawn, where they are at the start: a drawing for DXF, plates for STL."""
+"""Drawn shapes of links at the start: a drawing for DXF, plates for STL."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.scene.machine import Machine
 
-_THICK = 0.5  # of a plate, in symbols
+_THICK = 0.5  # thickness of a plate, in symbols
 
 
 def drawing(machine: Machine) -> str:
-    """A DXF of a machine: each link on its layer, its outlines, and holes where it turns.
+    """A DXF of a machine: outlines of each link on its layer, and holes at its pivots.
 
     Lengths are those of the machine, and cams those of `draw --profile` with no clearance of a
     groove. Teeth and circles are polygons as in pictures, 14 edges a flank and 96 a circle: within
@@ -40,9 +40,9 @@ def drawing(machine: Machine) -> str:
 
 
 def to_stl(machine: Machine) -> str:
-    """An STL of a machine in millimetres, as printers take it, which has no word for a unit.
+    """An STL of a machine in millimetres, as usual for printers: the format has no unit.
 
-    Each link is a solid of its name; they lie above each other.
+    Each link is a solid of its name; solids are stacked.
     """
     skeleton, poses = _drawn(machine)
     thick = _THICK * skeleton.symbol
@@ -64,11 +64,11 @@ def _drawn(machine: Machine) -> tuple[Skeleton, Array]:
 def _plates(
     skeleton: Skeleton, poses: Array, in_full: bool = False
 ) -> Iterator[tuple[str, list[Array]]]:
-    """Links, and curves (k, 2) in the world that bound a plate; holes turn clockwise.
+    """Links, and world curves (k, 2) that bound a plate; holes are clockwise.
 
     Parameters
     ----------
-    in_full : with all points of bodies, not as pictures need them
+    in_full : with all points of bodies, not only those for pictures
     """
     for shape in skeleton.shapes:
         whole = (shape.edges,) if in_full and shape.edges else ()

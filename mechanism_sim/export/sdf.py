@@ -1,6 +1,6 @@
 """SDF of the ideal mechanism of a machine, for Gazebo and its kin.
 
-All joints are there, those that close loops too: the format may, but not every engine does. Gears
+All joints are written, loop-closing ones too, which not every engine supports. Gears
 are joints of the type gearbox.
 """
 
@@ -54,7 +54,7 @@ def to_sdf(machine: Machine) -> str:
         _lower_pair(model, joint, joint.first if joint.second == GROUND else joint.second)
     for coupling in ideal.couplings:
         if not any(coupling.racks):
-            # second = -ratio first, both angles counted from the carrier
+            # second = -ratio first, both angles relative to the carrier
             pair, (one, other) = coupling.joint, coupling.factors
             made = _joint(
                 model, pair.name, 'gearbox', pair.first, pair.second,
@@ -82,7 +82,7 @@ def left_out(machine: Machine) -> list[str]:
 
 
 def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid]) -> None:
-    """A link where it is at the start."""
+    """A link at its start pose."""
     x, y, angle = ideal.poses[body.name]
     link = SubElement(model, 'link', name=body.name)
     _leaves(link, pose=_pose((x, y), angle))
@@ -104,7 +104,7 @@ def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid]) -> None:
 
 
 def _lower_pair(model: Element, joint: Joint, child: str) -> None:
-    """A joint of the tree, seen from the link that it carries."""
+    """A joint of the tree, in the frame of the link that it carries."""
     (_, at), (parent, _) = joint.across(child)
     kind = 'prismatic' if isinstance(joint, Prismatic) else 'revolute'
     if isinstance(joint, Weld):
@@ -119,7 +119,7 @@ def _joint(
     model: Element, name: str, kind: str, parent: str, child: str, **leaves: str
 ) -> Element:
     taken = {part.get('name') for part in model}
-    while name in taken:  # a joint may not be named as a link, as in scenes
+    while name in taken:  # unlike in scenes, a joint may not have the name of a link
         name += '_joint'
     joint = SubElement(model, 'joint', name=name, type=kind)
     _leaves(joint, parent=parent, child=child, **leaves)

@@ -1,8 +1,8 @@
 """Shapes of parts of a machine: curves in the frames of links, made once for every viewer.
 
-A shape knows its kind, its link and the curves that define it; its paths are what is painted, as
+A shape has a kind, a link and the curves that define it; its paths are painted, as
 polygons and lines, from back to front. Viewers (figures, pages, markers) paint paths by their
-style and the colour of the link, and know no kinds.
+style and the colour of the link, independent of kinds.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ BAR, BOX, PIN, BUSHING, MARK = 0.55, (1.7, 1.1), 0.62, (0.82, 1.15), 0.32
 """Sizes in units of symbols: half width of bars; half length and width of sliders; radius of pins;
 inner and outer radius of the bushings of loose joints; radius of marked points."""
 
-_FINE = 0.015  # how far edges of bodies may be off
+_FINE = 0.015  # tolerance of edges of bodies, in symbols
 
 COIL = np.stack(
     [
@@ -43,10 +43,10 @@ COIL = np.stack(
 
 
 class ShapePath(NamedTuple):
-    """Curves that are painted in one go; what lies within two closed ones is open."""
+    """Curves that are painted together, filled by the even-odd rule."""
 
     style: Style
-    curves: tuple[Array, ...]  #: (k, 2) [m] each, in the frame of the link
+    curves: tuple[Array, ...]  #: (k, 2) [m] each, in the link's frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +55,14 @@ class Shape:
 
     Attributes
     ----------
-    kind : what it shows
-    link : that carries it
-    curves : (k, 2) [m] each, in the link's frame, that define it; a single point, ends, corners
+    kind : kind of the part
+    link : link that carries it
+    curves : (k, 2) [m] defining curves in the link's frame: a single point, ends, corners
     symbol : size of a joint in this drawing [m]
-    label : of the link or joint; none if empty
-    size : of wheels and hands, of which the largest are painted first
-    number : of the link among those that move, which stands for its colour; -1 of the ground
-    bends : whether its link is elastic: edges have points enough to bend
+    label : label of the link or joint; empty for none
+    size : size of wheels and hands, the largest of which are painted first
+    number : index of the moving link, which selects its colour; -1 for the ground
+    bends : True for an elastic link, whose edges have points enough to bend
     """
 
     kind: Kind
@@ -89,15 +89,15 @@ class Shape:
 
     @property
     def edges(self) -> tuple[Array, ...]:
-        """Curves of a body in full, holes clockwise; `paths` leave out what a picture can spare.
+        """Curves of a body in full, holes clockwise; `paths` are simplified for pictures.
 
-        None of the shapes that are built from a few points.
+        Empty for shapes that are built from a few points.
         """
         return () if self.kind in _BUILDERS else _turned(self.curves)
 
     @cached_property
     def hull(self) -> Array:
-        """Points (k, 2) [m] around all that is painted, or the outline of what is not."""
+        """Points (k, 2) [m] around all painted curves, or the outline if there are none."""
         curves = [curve for path in self.paths for curve in path.curves]
         points = np.concatenate(curves or [self.outline])
         return points if self.bends else around(points)
@@ -116,7 +116,7 @@ def coil(start: Array, end: Array, symbol: float) -> Array:
 
 
 def subdivided(curve: Array, longest: float, closed: bool = False) -> Array:
-    """A curve (k, 2) with points added where edges are longer than that [m]."""
+    """A curve (k, 2) with points added on edges longer than a limit [m]."""
     ends = np.concatenate([curve, curve[:1]]) if closed else curve
     counts = np.ceil(np.hypot(*np.diff(ends, axis=0).T) / longest).astype(int).clip(1)
     at = [i + np.arange(n) / n for i, n in enumerate(counts)]
@@ -125,26 +125,26 @@ def subdivided(curve: Array, longest: float, closed: bool = False) -> Array:
 
 
 def rounded(points: Array, radius: float) -> Array:
-    """The edge of the convex plate (k, 2) that reaches so far around all points (n, 2) [m]."""
+    """The edge of the convex plate (k, 2) [m] with a margin around points (n, 2) [m]."""
     return around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
 
 
 def around(points: Array) -> Array:
-    """The corners of the convex polygon around points (n, 2), counterclockwise; all of a line."""
+    """Corners of the convex hull of points (n, 2), counterclockwise; all points of a line."""
     if len(points) < 3 or min(np.ptp(points, axis=0)) == 0.0:
         return points
     return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])
 
 
 def inside(hull: Array, point: Array, spare: float) -> bool:
-    """True if a point (2,) is within a convex polygon (k, 2), counterclockwise, or so near [m]."""
+    """True if a point (2,) is inside a counterclockwise convex polygon (k, 2), or near it [m]."""
     way, to = np.roll(hull, -1, axis=0) - hull, point - hull
     off = way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
     return bool((off >= -spare * np.hypot(*way.T)).all())
 
 
 def _turned(curves: tuple[Array, ...]) -> tuple[Array, ...]:
-    """Closed curves, those in an odd number of others clockwise: holes by either rule."""
+    """Closed curves, clockwise inside an odd number of others: holes by either fill rule."""
     depths = [
         sum(encloses(other, c[:2].mean(axis=0)) for other in curves if other is not c)
         for c in curves
@@ -156,7 +156,7 @@ def _turned(curves: tuple[Array, ...]) -> tuple[Array, ...]:
 
 
 def encloses(curve: Array, point: Array) -> bool:
-    """True if a closed curve (k, 2) goes round a point (2,), by crossings of a ray along x."""
+    """True if a closed curve (k, 2) encloses a point (2,), by crossings of a ray along x."""
     (x, y), (u, v) = curve.T, np.roll(curve, -1, axis=0).T
     across = (y > point[1]) != (v > point[1])
     along = x[across] + (point[1] - y[across]) / (v - y)[across] * (u - x)[across]
@@ -170,15 +170,15 @@ def area(curve: Array) -> float:
 
 
 def simplified(curve: Array, tolerance: float) -> Array:
-    """A closed curve (k, 2) less the points that chords between others pass within a tolerance.
+    """A closed curve (k, 2) without points that are within a tolerance of chords.
 
-    D. H. Douglas, T. K. Peucker, Cartographica 10(2), 1973, from the first point and the one that
-    is farthest from it.
+    D. H. Douglas, T. K. Peucker, Cartographica 10(2), 1973, from the first point and the one
+    farthest from it.
     """
     points, each = np.concatenate([curve, curve[:1]]), np.arange(len(curve))
     far = int(np.hypot(*(curve - curve[0]).T).argmax())
     kept = np.unique([0, far, len(curve)])
-    while True:  # all spans between those that are kept at once
+    while True:  # all spans between kept points at once
         span = np.searchsorted(kept, each, 'right') - 1
         first, last = points[kept[:-1]][span], points[kept[1:]][span]
         way, to = last - first, curve - first
@@ -199,7 +199,7 @@ def _body(shape: Shape) -> list[ShapePath]:
 
 
 def _link(shape: Shape) -> list[ShapePath]:
-    """A bar or a plate around all corners; nothing where a slider or a wheel is all there is."""
+    """A bar or a plate around all corners; empty for a link that is only a slider or a wheel."""
     corners = np.concatenate(shape.curves)
     if len(corners) < 2:
         return []
@@ -217,16 +217,16 @@ def _slot(shape: Shape) -> list[ShapePath]:
 
 
 def _rail(shape: Shape) -> list[ShapePath]:
-    """A rod of a link; of the frame a line, hatched below where the slider does not reach.
+    """A rod of a link; for the frame a line, hatched below the slider.
 
-    Of a guide with play each wall, hatched on its outer side.
+    For a guide with clearance each wall, hatched on its outer side.
     """
     if shape.link != GROUND:
         return [ShapePath('body', (rounded(shape.outline, 0.6 * BAR * shape.symbol),))]
     start, end = shape.outline
     along = (end - start) / np.hypot(*(end - start))
     below = np.array([along[1], -along[0]])
-    if shape.label:  # a wall: what slides is on its other side
+    if shape.label:  # a wall: the slider is on its other side
         below = -below if shape.label == 'left wall' else below
         return _hatched(shape.outline, below, shape.symbol)
     below = -below if below[1] > 1e-9 else below

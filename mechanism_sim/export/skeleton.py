@@ -1,4 +1,4 @@
-"""A mechanism as textbooks draw it: what there is to draw, as points of links."""
+"""Schematic drawing of a mechanism as in textbooks: shapes from points of links."""
 
 from __future__ import annotations
 
@@ -26,51 +26,51 @@ from mechanism_sim.scene import Machine
 
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
 _BODIES: tuple[Kind, ...] = 'wheel', 'cam', 'slider'
-_NEAR = 0.8  # a centre of gravity so near a joint is not marked, likewise
-_SWAY = 2.0  # that a frame on springs is seen to sway, about, likewise
+_NEAR = 0.8  # a centre of gravity nearer to a joint is not marked, in symbols
+_SWAY = 2.0  # drawn amplitude of a frame on springs, approximately, in symbols
 
 
 class Mounted(NamedTuple):
     """A frame on springs."""
 
-    cog: Vector2  #: [m] where it is at rest
-    springs: range  #: their numbers
+    cog: Vector2  #: centre of gravity at rest [m]
+    springs: range  #: indices of its springs
 
 
 class String(NamedTuple):
     """A straight line between points of two links, see `Draft.string`."""
 
     ends: tuple[LinkPoint, LinkPoint]
-    radii: tuple[float, float]  #: [m]
+    radii: tuple[float, float]  #: radii of the discs [m]
 
 
 class Skeleton:
-    """Drawing of a mechanism whose coordinates go through q.
+    """Drawing of a mechanism over its coordinates q.
 
     Rails and slots are as long as the motion needs.
 
     Parameters
     ----------
-    q : (n, N)
-    points : of links, by name, that have no joint; their links reach to them, and they are marked
-    springs : their ends
-    clearances : of loose joints, whose bushings, and blocks between walls, are drawn
-    drives : driven coordinates, each with the sign of the sense in which it sets out
-    magnified : how much larger elastic links deform here; 0: visibly
-    size : by which symbols are chosen, if not by that of the mechanism [m]
+    q : (n, N) coordinates
+    points : points of links without joints, by name; links extend to them, and they are marked
+    springs : both ends of each spring
+    clearances : clearance by loose joint, whose bushing, or block between walls, is drawn
+    drives : sign of the initial sense of motion by driven coordinate
+    magnified : magnification of deformations of elastic links; 0 for a visible one
+    size : size for the scale of symbols, if not that of the mechanism [m]
 
     Attributes
     ----------
-    size : what joints, cams and the longest link cover [m]
-    symbol : size of a joint, a sixtieth of it [m]
-    shapes : in the order in which they are painted
-    springs : the ends of each, painted before all shapes as `shapes.coil`
-    strings : straight lines between links, painted likewise
-    links : that move, in the order of poses
-    corners : points that each of them reaches to [m]
-    mounts : the frames on springs
-    sways : of those that are known to sway, how many times as far they are drawn
-    bendings : of the elastic links
+    size : extent of joints, cams and the longest link [m]
+    symbol : size of a joint, a sixtieth of `size` [m]
+    shapes : shapes in the order of painting
+    springs : both ends of each spring, painted before all shapes as `shapes.coil`
+    strings : straight lines between links, painted before all shapes
+    links : names of the moving links, in the order of poses
+    corners : points up to which each link extends [m]
+    mounts : frames on springs by name
+    sways : magnification of the motion by name of a swaying frame
+    bendings : deformation fields by elastic link
     """
 
     def __init__(
@@ -139,8 +139,8 @@ class Skeleton:
 
         Parameters
         ----------
-        corners : the points [m] that it reaches to, its centre of gravity the last of them
-        springs : those of it [m] that are on springs
+        corners : points [m] up to which it extends, its centre of gravity last
+        springs : points [m] that are on springs
         """
         first = len(self.springs)
         self.mounts[name] = Mounted(corners[-1], range(first, first + len(springs)))
@@ -154,41 +154,41 @@ class Skeleton:
     def poses(self, q: Array) -> Array:
         """Origins [m] and angles [rad] of the frames of the moving links, (N, L, 3 + M).
 
-        Then the elastic coordinates [m] of each link, padded by zeros to the most of all.
+        The last M columns are elastic coordinates [m] of each link, padded by zeros.
         """
         at = self.mechanism
         most = max((len(x.beam.names) for x in self.bendings.values()), default=0)
         found = np.zeros((q.shape[1], len(self.links), 3 + most))
         for i, link in enumerate(self.links):
-            own = at.amplitudes(link) if link in self.bendings else []  # a rotor bends unseen
+            own = at.amplitudes(link) if link in self.bendings else []  # rotors are drawn rigid
             found[:, i, :2] = at.locate_all(link, q).T
             found[:, i, 2] = at.angle_all(link, q)
             found[:, i, 3 : 3 + len(own)] = q[own].T
         return found
 
     def deformed(self, link: str, points: Array, pose: Array) -> Array:
-        """Points (k, 2) [m] of a link in its frame at a pose (L, 3 + M), as they are drawn."""
+        """Drawn points (k, 2) [m] of a link in its frame at a pose (L, 3 + M)."""
         return self.bent(link, points, pose[None])[0] if link in self.bendings else points
 
     def bent(self, link: str, points: Array, poses: Array) -> Array:
-        """Points (N, k, 2) [m] in the frame of an elastic link."""
+        """Deformed points (N, k, 2) [m] of an elastic link in its frame."""
         bending = self.bendings[link]
         last = 3 + len(bending.beam.names)
         return bending.moved(points, poses[:, self.links.index(link), 3:last])
 
     def magnify(self, sway: Array) -> None:
-        """Choose how far frames on springs are drawn that sway (N, F, 3) [m, rad] in a run."""
+        """Set magnifications of frames on springs from their sway (N, F, 3) [m, rad] in a run."""
         for k, name in enumerate(self.mounts):
             largest = float(np.abs(sway[:, k, :2]).max(initial=0.0))
             if largest > 1e-9 * self.size:
                 self.sways[name] = max(1.0, round_below(_SWAY * self.symbol / largest))
 
     def swayed(self, points: Array, frame: str, sway: Array) -> Array:
-        """Points (k, 2) [m] of a frame on springs, (N, k, 2).
+        """Positions (N, k, 2) [m] of points (k, 2) [m] of a frame on springs.
 
         Parameters
         ----------
-        sway : (N, F, 3) [m, rad] of all frames, as much as is drawn
+        sway : (N, F, 3) magnified displacements of all frames [m, rad]
         """
         x, y, angle = sway[:, list(self.mounts).index(frame)].T
         cog, c, s = np.array(self.mounts[frame].cog), np.cos(angle), np.sin(angle)
@@ -196,7 +196,7 @@ class Skeleton:
         return np.asarray(turned + cog + np.stack([x, y], axis=1)[:, None])
 
     def coiled(self, poses: Array, sway: Array) -> Array:
-        """The ends of all springs at N poses, and swayings of `swayed`, (springs, N, 2, 2) [m]."""
+        """Ends (springs, N, 2, 2) [m] of all springs at N poses and sways."""
         found = [
             [self.placed(link, np.array([at]), poses)[:, 0] for link, at in ends]
             for ends in self.springs
@@ -213,7 +213,7 @@ class Skeleton:
             self._support(place)
 
     def placed(self, link: str, points: Array, poses: Array) -> Array:
-        """Points (k, 2) [m] of a link in the world (N, k, 2)."""
+        """World coordinates (N, k, 2) [m] of points (k, 2) [m] of a link."""
         if link not in self.links:
             return np.broadcast_to(points, (len(poses), *np.shape(points)))
         x, y, angle = poses[:, self.links.index(link), :3].T
@@ -264,11 +264,11 @@ class Skeleton:
         self.reach((joint.second, joint.on_second))
 
     def at(self, place: LinkPoint) -> Array:
-        """A point of a link in the world (2, N) [m]."""
+        """World coordinates (2, N) [m] of a point of a link."""
         return self._poses.at(place)
 
     def within(self, link: str, place: LinkPoint) -> Array:
-        """A point of any link in the frame of this one (2, N) [m]."""
+        """Coordinates (2, N) [m] of a point of any link in the frame of `link`."""
         return self._poses.within(link, place)
 
     def turned(self, link: str) -> float:
@@ -285,7 +285,7 @@ class Skeleton:
     def add(
         self, kind: Kind, link: str, *curves: Array, label: str = '', size: float = 0.0
     ) -> None:
-        """A shape; wheels and cams give their links bodies."""
+        """Add a shape; wheels and cams are bodies of their links."""
         number = self.links.index(link) if link in self.links else -1
         bends = link in self.bendings
         self.shapes.append(Shape(kind, link, curves, self.symbol, label, size, number, bends))
@@ -293,12 +293,12 @@ class Skeleton:
             self._bodied.add(link)
 
     def pin(self, place: LinkPoint, label: str) -> None:
-        """A pin, to which its link reaches."""
+        """Add a pin, up to which its link extends."""
         self.add('pin', place[0], np.array([place[1]]), label=label)
         self.reach(place)
 
     def reach(self, place: LinkPoint) -> None:
-        """Extend the outline of a link to a point; the ground has none."""
+        """Extend the outline of a link to a point; the ground has no outline."""
         link, at = place
         if link != GROUND:
             self.corners[link].append(at)
@@ -307,12 +307,12 @@ class Skeleton:
         self, kind: Kind, place: LinkPoint, axis: float, runner: Array, half: float = 0.0,
         label: str = '',
     ) -> None:  # fmt: skip
-        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs.
+        """Add a line of a link along the path (2, N) [m] of the runner, in the link's frame.
 
         Parameters
         ----------
-        half : length of what runs [m], to each side
-        label : of a wall, the side of what runs on which it is
+        half : half length of the runner [m]
+        label : side of the runner for a wall
         """
         link, base = place
         way = rotate((1.0, 0.0), axis)
@@ -325,11 +325,11 @@ class Skeleton:
             self._rails.append((link, start, end))
 
     def wall(self, link: str, start: Vector2, end: Vector2) -> None:
-        """A wall of a link, solid to the left of the way from start to end [m]."""
+        """Add a wall of a link, solid to the left of the direction from start to end [m]."""
         self.add('rail', link, np.array([start, end]), label='left wall')
 
     def _mark(self, points: Mapping[str, LinkPoint], known: Sequence[LinkPoint]) -> None:
-        """Points without joints, and centres of gravity away from joints."""
+        """Draw points without joints, and centres of gravity away from joints."""
         for place in points.values():
             self.reach(place)
             if place not in known and self.first(f'point {place}'):
@@ -342,7 +342,7 @@ class Skeleton:
                 self.add('cog', body.name, np.array([body.cog]))
 
     def _link(self, link: str) -> None:
-        """A link through its points, meeting its rails where they are nearest.
+        """Draw a link through its points, up to the nearest points of its rails.
 
         The first curve has the corners of a plate, or the ends of a bar; a second one the rest.
         """
@@ -353,9 +353,9 @@ class Skeleton:
         cog, hand = self.mechanism.body(link).cog, 0.0
         if len(set(corners)) == 1 and link not in self._bodied:
             corners.append(cog)  # a pendulum
-            if math.dist(corners[0], cog) < 0.5 * self.symbol:  # a rotor: a hand shows its turn
+            if math.dist(corners[0], cog) < 0.5 * self.symbol:  # a rotor: its hand shows rotation
                 self._hands += 1
-                hand = 6.0 * self._hands * self.symbol  # shorter ones lie on longer ones
+                hand = 6.0 * self._hands * self.symbol  # shorter hands on top of longer ones
                 corners[-1] = corners[0][0] + hand, corners[0][1]
         distinct: list[Vector2] = []
         for corner in corners or [cog]:
@@ -401,8 +401,8 @@ def skeleton_of(
 
     Parameters
     ----------
-    q : (n, N) coordinates of the machine's mechanism, or of another tree of it
-    size : by which symbols are chosen, if not by that of the machine [m]
+    q : (n, N) coordinates of the machine's mechanism, or of `mechanism`
+    size : size for the scale of symbols, if not that of the machine [m]
     """
     mechanism = mechanism or machine.mechanism
     elements = machine.plan.elements(mechanism)
@@ -430,7 +430,7 @@ def skeleton_of(
 
 
 def _covered(skeleton: Skeleton, link: str, points: Array) -> bool:
-    """True if a wheel or a slider of a link shows all of some points (k, 2) of it."""
+    """True if wheels or sliders of a link cover all of some points (k, 2) of it."""
     shown = [s.hull for s in skeleton.shapes if s.link == link and s.kind in _BODIES]
     return all(any(inside(hull, at, 0.5 * skeleton.symbol) for hull in shown) for at in points)
 
@@ -441,13 +441,13 @@ def _order(shape: Shape) -> tuple[int, float]:
 
 
 def _sense(law: Law) -> float:
-    """Sign of the first motion that is prescribed, or of the torque or force."""
+    """Value with the sign of the first prescribed motion, or of the torque or force."""
     begun = law.coefficients[1:] if isinstance(law, DriveLaw) else law.coefficients
     return next((c for c in begun if c), 0.0)
 
 
 def strung(skeleton: Skeleton, poses: Array) -> Array:
-    """The ends of all strings at N poses, (strings, N, 2, 2) [m]: tangents of their discs."""
+    """Ends (strings, N, 2, 2) [m] of all strings at N poses: tangents of their discs."""
     found = []
     for ends, (r1, r2) in skeleton.strings:
         one, two = (skeleton.placed(link, np.array([at]), poses)[:, 0] for link, at in ends)
@@ -461,7 +461,7 @@ def strung(skeleton: Skeleton, poses: Array) -> Array:
 
 
 def scale_of(skeleton: Skeleton, width: float) -> tuple[float, str]:
-    """A round length for a drawing of that width [m]; how it is written, and magnification."""
+    """A round length [m] for a drawing of a width [m]; its text, with magnifications."""
     length, text = scale_bar(width)
     bent, swayed = (x.magnified for x in skeleton.bendings.values()), skeleton.sways.values()
     for what, factors in (('bending', bent), ('sway', swayed)):
@@ -476,7 +476,7 @@ def bounds(skeleton: Skeleton, poses: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    poses : (N, L, 3 + M) that are to be in the picture
+    poses : (N, L, 3 + M) poses in the picture
     """
     placed = [skeleton.placed(s.link, s.hull, poses).reshape(-1, 2) for s in skeleton.shapes]
     everything = np.concatenate(placed)
@@ -492,7 +492,7 @@ def _plus(a: Vector2, b: Vector2) -> Vector2:
 
 
 def _nearest(start: Vector2, end: Vector2, others: Sequence[Vector2]) -> Vector2:
-    """The point of a segment that is nearest to the middle of other points."""
+    """The point of a segment nearest to the centroid of other points."""
     if not others:
         return 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
     x, y = (sum(each) / len(others) for each in zip(*others, strict=True))
@@ -503,9 +503,9 @@ def _nearest(start: Vector2, end: Vector2, others: Sequence[Vector2]) -> Vector2
 
 
 def _corners(points: Array, thin: float) -> list[int]:
-    """Numbers of the corners of the plate that all points (k, 2) lie on.
+    """Indices of the corners of a plate around all points (k, 2).
 
-    Of points on one line, or nearly so, those of both ends.
+    For points nearly on a line, those of both ends.
     """
     if len(points) < 3:
         return list(range(len(points)))

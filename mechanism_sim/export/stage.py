@@ -1,6 +1,6 @@
-"""Moving parts of a machine on a film or a page, and where they are at each instant.
+"""Moving parts of a machine on a film or a page, and their positions at each instant.
 
-All in SI units and as plain data. Who shows it draws and moves it, and knows no mechanics.
+All in SI units and as plain data: viewers draw and move it without mechanics.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ side, and half the length of what is between walls."""
 
 _LONGEST = 0.35
 """Length of an arrow for a force that is rarely exceeded, of the machine's size."""
-_FINE = 100.0  # points of curves for JSON: parts of a tenth of a symbol
-_RARELY = 98.0  # [%] of the instants have smaller forces
+_FINE = 100.0  # resolution of points for JSON, in parts of a tenth of a symbol
+_RARELY = 98.0  # [%] percentile of forces for the scale of arrows
 _SURFACE = 180  # points of a worn surface
 
 
@@ -46,25 +46,25 @@ _SURFACE = 180  # points of a worn surface
 class StageFrames:
     """A machine at N instants.
 
-    L moving links, B loose bearings, W other plays, J joints, K of them higher pairs.
+    L moving links, B loose bearings, W other clearances, J joints, K of them higher pairs.
 
     Attributes
     ----------
     t : (N,) [s]
     poses : (N, L, 3 + M) origin [m] and angle [rad, less whole turns] of the links' frames, and
         elastic coordinates [m]
-    pins : (N, B, 2) [m] centre of the pin less that of the bushing, along the world's axes
-    pin_rates : (N, B, 2) [m/s] of the same; one instant's place and rate join with the next's
-    modes : (N, B) of contact, as in ModeChange; 0 with an oil film
-    walls : (N, W, 2) [m] distance from the left and the right wall of a play, of a block that of
-        the middle of its side; nan without one
-    off : (N, W, 2) [m] how far what is between the walls is to the right of their middle, and how
-        much nearer to the left wall the front of a block is than its rear
-    touching : (N, W) 1 where the left wall is touched, 2 the right one, 3 both
-    forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
-    feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
-    drive : (N,) coordinate of the main drive [rad], or [m]
-    sway : (N, F, 3) of the F frames on springs [m, rad], as much as is drawn: see `Skeleton.sways`
+    pins : (N, B, 2) [m] centre of the pin minus that of the bushing, in world axes
+    pin_rates : (N, B, 2) [m/s] rates of `pins`, for Hermite interpolation between instants
+    modes : (N, B) contact mode, as in ModeChange; 0 with an oil film
+    walls : (N, W, 2) [m] distance from the left and the right wall of a clearance, for a block
+        from the middle of its side; nan without a wall
+    off : (N, W, 2) [m] displacement of the inner part to the right of the walls' middle, and
+        distance from the left wall of a block's rear minus that of its front
+    touching : (N, W) 1 for contact with the left wall, 2 with the right one, 3 with both
+    forces : (N, J, 2) [N] force of the first on the second link, in world axes
+    feet : (N, K, 2) [m] points on lines of action of forces without a fixed point of action
+    drive : (N,) coordinate of the main drive [rad, m]
+    sway : (N, F, 3) magnified sway of the F frames on springs [m, rad], see `Skeleton.sways`
     """
 
     t: Array
@@ -93,7 +93,7 @@ class StageFrames:
 
     @classmethod
     def joined(cls, parts: Sequence[StageFrames]) -> StageFrames:
-        """Several, one after the other."""
+        """Several sets of frames, concatenated."""
         return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
     def packed(self) -> dict[str, Any]:
@@ -110,14 +110,14 @@ class StageFrames:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Parts of a machine that are animated, and how large.
+    """Animated parts of a machine, and their sizes.
 
     Attributes
     ----------
-    low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
-    force_scale : length of arrows per force [m/N]; 0 where there are no forces
-    widths : of each of `plays`, how far apart its walls are, or how far it parts [m]; of those
-        that never do, in `closed`, what is drawn
+    low, high : corners (2,) [m] of all moving parts with usual arrows, and a margin
+    force_scale : length of arrows per force [m/N]; 0 without forces
+    widths : distance [m] of both walls, or largest gap at a single one, by joint of `plays`; for
+        permanent contact (names in `closed`) a drawn width
     """
 
     machine: Machine
@@ -135,7 +135,7 @@ class Stage:
 
     @cached_property
     def joints(self) -> list[Joint]:
-        """Joints whose forces are shown: all, or none if forces are unknown or not asked for."""
+        """Joints whose forces are shown: all, or none if forces are unknown or not requested."""
         machine = self.machine
         shown = machine.physics.has_forces and machine.scene.outputs.forces
         return list(machine.mechanism.joints) if shown else []
@@ -147,13 +147,13 @@ class Stage:
 
     @cached_property
     def plays(self) -> list[HigherPair | Prismatic]:
-        """Joints with drawn walls: pins in slots, blocks in guides, teeth, cams that are left."""
+        """Joints with drawn walls: pins in slots, blocks in guides, teeth, cams with lift-off."""
         joints = self.machine.mechanism.joints
         pairs = [j for j in joints if isinstance(j, HigherPair | Prismatic)]
         return [pair for pair in pairs if pair.equations and self._walls(pair)]
 
     def _walls(self, pair: HigherPair | Prismatic) -> dict[Side, list[int]]:
-        """The numbers of the gaps at each wall of a pair: a block has two, at its corners."""
+        """Indices of the gaps at each wall of a pair: a block has two, at its corners."""
         known, mechanism = self.machine.physics.clearances, self.machine.mechanism
         if isinstance(pair, HigherPair):
             named = [(side, wall_name(mechanism, pair, side)) for side in pair.sides]
@@ -166,29 +166,29 @@ class Stage:
         return found
 
     def _parted(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
-        """Distances (2, N) [m] from the left and the right wall of a pair; nan without one."""
+        """Distances (2, N) [m] from the left and the right wall of a pair; nan without a wall."""
         gaps = np.full((2, o.position.shape[1]), np.nan)
         for side, numbers in self._walls(pair).items():
             gaps[SIDES.index(side)] = o.gap[numbers].mean(axis=0)
         return gaps
 
     def _off(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
-        """Off the middle of the walls of a pair, and how a block stands (2, N), see `StageFrames`.
+        """Displacement from the walls' middle, and tilt of a block (2, N) [m]: `StageFrames.off`.
 
-        What may part from one wall only is shown between that wall and how far it parts.
+        For a single wall, the middle is that of the wall and the largest gap.
         """
         left, right = self._parted(o, pair)
         two = len(self._walls(pair)) > 1
         middle = 0.5 * (left - right) if two else 0.5 * self.widths.get(pair.name, 0.0) - right
         tilt = np.zeros_like(middle)
         for side, corners in self._walls(pair).items():
-            if isinstance(pair, Prismatic):  # either wall will do
+            if isinstance(pair, Prismatic):  # either wall has the same tilt
                 rear, front = o.gap[corners]
                 tilt = rear - front if side == 'left' else front - rear
         return np.array([middle, tilt])
 
     def struck(self, gap: str) -> tuple[int, int]:
-        """Numbers of the bearing and the joint that a gap belongs to; -1 if there is none."""
+        """Indices of the bearing and the joint of a gap; -1 if there is none."""
         joint = self._joints_of_gaps.get(gap, '')
         bearings, joints = ([j.name for j in known] for known in (self.bearings, self.joints))
         return _index(bearings, joint), _index(joints, joint)
@@ -204,7 +204,7 @@ class Stage:
         return [joint for joint in self.joints if isinstance(joint, HigherPair)]
 
     def to_json(self) -> dict[str, Any]:
-        """All that does not change from instant to instant."""
+        """All constant data."""
         width = float(self.high[0] - self.low[0])
         return {
             'scene': self.machine.name,
@@ -242,9 +242,9 @@ class Stage:
 
         Parameters
         ----------
-        o : the observed machine then
-        modes : (m, N) of its gaps
-        sway : (N, F, 3) of its frames on springs, see `Swaying`; without, they are at rest
+        o : observation of the machine at these times
+        modes : (m, N) modes of its gaps
+        sway : (N, F, 3) sway of its frames on springs, see `Swaying`; at rest without it
         """
         physics, bearings = self.machine.physics, self.bearings
         views = {
@@ -261,7 +261,7 @@ class Stage:
         known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
         touching = np.zeros((count, len(bearings)), np.uint8)
         for k, joint in enumerate(bearings):
-            for gap in gaps_of(self.machine.mechanism, joint.name, known):  # a film has none
+            for gap in gaps_of(self.machine.mechanism, joint.name, known):  # none for an oil film
                 touching[:, k] = np.maximum(touching[:, k], known[gap])
         walls = np.zeros((count, len(self.plays)), np.uint8)
         for w, pair in enumerate(self.plays):
@@ -284,19 +284,19 @@ class Stage:
         )
 
     def drawn(self, sway: Array) -> Array:
-        """Sway (N, F, 3) of frames on springs, magnified as it is drawn."""
+        """Sway (N, F, 3) [m, rad] of frames on springs, magnified as drawn."""
         sways = self.skeleton.sways
         times = [sways.get(name, 0.0) for name in self.skeleton.mounts]
         return np.asarray(sway * np.array(times)[:, None])
 
     def tips(self, o: Observation, scale: float, longest: float) -> Array:
-        """Tips of the arrows that begin at fixed points, (J - K, 2, N) [m], limited in length.
+        """Tips (J - K, 2, N) [m] of the arrows at fixed points, limited in length.
 
         Parameters
         ----------
-        o : the observed machine at N instants
-        scale : [m/N] of their length
-        longest : [m]
+        o : observation of the machine at N instants
+        scale : length of arrows per force [m/N]
+        longest : largest length of arrows [m]
         """
         physics, none = self.machine.physics, np.zeros((0, o.position.shape[1]), np.uint8)
         found = []
@@ -327,7 +327,7 @@ class Stage:
         }
 
     def _play(self, pair: HigherPair | Prismatic) -> dict[str, Any]:
-        """The link with the walls, and that between them or on one: followers and blocks are."""
+        """Clearance of a pair: the link with the walls, and the inner one: follower or block."""
         ends = [pair.second, pair.first]
         within = isinstance(pair, Prismatic) or hasattr(pair, 'cam')
         face, body = reversed(ends) if within else ends
@@ -346,7 +346,7 @@ class Stage:
         }
 
     def words(self, joint: Joint) -> list[str]:
-        """The states of a play in words, by mode of a bearing, else by the walls touched."""
+        """States of a clearance in words, by mode of a bearing, else by the walls in contact."""
         if joint in self.bearings:
             play = self.machine.plan.clearances[joint.name]
             film = play.contact is not None and play.contact.law == 'film'
@@ -358,18 +358,18 @@ class Stage:
 
 
 class Swaying:
-    """The frames on springs of a machine, which follow its motion piece by piece."""
+    """Frames on springs of a machine, integrated along its motion piece by piece."""
 
     def __init__(self, machine: Machine) -> None:
         self._frames = [machine.oscillator(name) for name in machine.scene.oscillators]
 
     def take(self, motion: Motion) -> Callable[[Array], Array]:
-        """Follow a piece of motion, which comes after that of the last call.
+        """Advance over a piece of motion that continues that of the last call.
 
         Returns
         -------
-        At times (N,) [s] of it, where the F frames are (N, F, 3) [m, rad], from where their mounts
-        carry them alone
+        function of times (N,) [s] of the piece: displacements (N, F, 3) [m, rad] of the F frames
+        from their rest positions without the machine
         """
         moved = [frame.take(motion) for frame in self._frames]
 
@@ -384,7 +384,7 @@ class Swaying:
 
 
 def joints_json(joints: Sequence[Joint]) -> list[dict[str, Any]]:
-    """Points of action of joint forces: on the second link, or the index of a moving foot."""
+    """Points of action of joint forces: on the second link, or index of a moving foot."""
     moving, found = [joint for joint in joints if isinstance(joint, HigherPair)], []
     for joint in joints:
         foot = {'foot': moving.index(joint)} if joint in moving else {}
@@ -394,11 +394,11 @@ def joints_json(joints: Sequence[Joint]) -> list[dict[str, Any]]:
 
 
 def stage_of(machine: Machine, observed: Observation, sway: Array | None = None) -> Stage:
-    """The stage of a machine that moves as it was observed to, over all of its motion.
+    """The stage of a machine over all of its observed motion.
 
     Parameters
     ----------
-    sway : (N, F, 3) of its frames on springs, see `Swaying`; without, they are drawn at rest
+    sway : (N, F, 3) sway of its frames on springs, see `Swaying`; drawn at rest without it
     """
     skeleton = skeleton_of(machine, observed.local)
     if sway is not None:
@@ -407,9 +407,9 @@ def stage_of(machine: Machine, observed: Observation, sway: Array | None = None)
     if skeleton.mounts:  # the bars of the scale stand below the feet of the springs
         low = low - np.array([0.0, 4.0 * skeleton.symbol])
     stage = Stage(machine, skeleton, low, high, 0.0)
-    for pair in stage.plays:  # of two walls how far they are apart, else how far it parts
+    for pair in stage.plays:  # distance of two walls, else largest gap
         width = float(np.nansum(stage._parted(observed, pair), axis=0).max())
-        least = 1e-9 * skeleton.size  # of one that never parts there is but rounding
+        least = 1e-9 * skeleton.size  # permanent contact: rounding errors only
         stage.widths[pair.name] = width if width > least else 1e-3 * skeleton.symbol
         stage.closed.update([pair.name] if width <= least else [])
     if not stage.joints:
@@ -427,7 +427,7 @@ def stage_of(machine: Machine, observed: Observation, sway: Array | None = None)
 
 
 def packed(rows: NDArray[Any]) -> dict[str, str]:
-    """An array as plotly writes it: type, bytes in base64, and shape if it has several axes."""
+    """An array in plotly's format: type, bytes in base64, and shape if it has several axes."""
     little = rows.astype(rows.dtype.newbyteorder('<'))
     kind = f'{rows.dtype.kind}{rows.dtype.itemsize}'
     data = base64.b64encode(np.ascontiguousarray(little).tobytes()).decode('ascii')

@@ -1,7 +1,7 @@
 """Polygons with holes as triangles, by ear clipping.
 
 G. H. Meisters, "Polygons have ears", Am. Math. Monthly 82 (1975); holes are joined to the outer
-curve by a bridge (D. Eberly, "Triangulation by ear clipping", 2002). No library that does it comes
+curve by a bridge (D. Eberly, "Triangulation by ear clipping", 2002). No library for it comes
 with the packages of a ROS distribution.
 """
 
@@ -16,11 +16,11 @@ from mechanism_sim.export.shapes import area, encloses
 
 
 def triangles(curves: Sequence[Array]) -> Array:
-    """Triangles (n, 3, 2), counterclockwise, that fill closed curves, none crossing another.
+    """Counterclockwise triangles (n, 3, 2) that fill closed curves without crossings.
 
     Parameters
     ----------
-    curves : (k, 2) each; outer ones counterclockwise, holes in them clockwise
+    curves : (k, 2) each; outer ones counterclockwise, holes clockwise
     """
     outer = [curve for curve in curves if area(curve) > 0.0]
     holes = [curve for curve in curves if area(curve) < 0.0]
@@ -29,7 +29,7 @@ def triangles(curves: Sequence[Array]) -> Array:
         whole = curve
         own = [hole for hole in holes if _smallest_around(hole, outer) is curve]
         for hole in sorted(own, key=lambda x: -x[:, 0].max()):
-            # one curve that goes round a hole: in and out between the nearest visible corners
+            # a single curve around a hole: in and out between the nearest visible corners
             h = int(hole[:, 0].argmax())
             at = hole[h]
             order = np.argsort(np.hypot(*(whole - at).T), kind='stable')
@@ -68,7 +68,7 @@ def _clipped(curve: Array) -> Array:
         i, j, m = left[(k - 1) % n], left[k % n], left[(k + 1) % n]
         ear = curve[[i, j, m]]
         turn = area(ear)
-        # a corner on a line, or none left that is free by rounding, is cut off as it is
+        # cut off: collinear corners, and any convex one if rounding leaves none free
         if turn >= 0.0 and (turn == 0.0 or stuck > n or _free(ear, curve[left])):
             if turn > 0.0:
                 found.append(ear)
@@ -82,7 +82,7 @@ def _clipped(curve: Array) -> Array:
 
 
 def _free(ear: Array, points: Array) -> bool:
-    """True if no point of a curve is within a triangle, other than its corners."""
+    """True if no point of a curve other than the corners is inside a triangle."""
     low, high = ear.min(axis=0), ear.max(axis=0)
     near = points[((points >= low) & (points <= high)).all(axis=1)]
     way = np.roll(ear, -1, axis=0) - ear

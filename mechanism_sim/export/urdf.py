@@ -1,9 +1,9 @@
-"""URDF, so that viewers of ROS show a machine by its own topic `joint_states`.
+"""URDF for viewers of ROS, which show a machine by its topic `joint_states`.
 
-URDF knows trees only, and joints whose coordinates are relative; the coordinates of a mechanism
-are absolute angles of links, and displacements. So between a link and the one that it carries
-there is a frame that does not turn: its joint mimics the carrying link's angle, backwards. The
-carried link's own joint then takes the absolute angle. Loops close because the coordinates of all
+URDF has trees only, and joints with relative coordinates; the coordinates of a mechanism
+are absolute angles of links, and displacements. So between a link and the one it carries
+there is a non-rotating frame: its joint mimics the negative angle of the carrying link. The
+carried link's joint then has the absolute angle. Loops close because the coordinates of all
 links come from their solution.
 """
 
@@ -22,7 +22,7 @@ from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.machine import Machine
 
-_FREE = '1e12'  # [N, m/s] limits of a joint that has none: 0 would let no controller move it
+_FREE = '1e12'  # [N, m/s] limits of joints without any: with 0 no controller could move them
 
 
 def to_urdf(machine: Machine, prefix: str = '') -> str:
@@ -35,7 +35,7 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
 
     Parameters
     ----------
-    prefix : of the names of all frames, as `frame_prefix` of the nodes
+    prefix : prefix of all frame names, as `frame_prefix` of the nodes
     """
     check_names(machine)
     mechanism = machine.mechanism
@@ -51,7 +51,7 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
         else:
             tree.carry(body.name)
     _loops(robot, mechanism, prefix)
-    # the coordinates at the start, which only readers of states look at
+    # the coordinates at the start, for readers of `state` only
     state = SubElement(robot, 'state', model=machine.name)
     state.set('time_from_start', '0')
     for name, value in zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True):
@@ -62,14 +62,14 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
 def drivers_urdf(
     machine: Machine, driven: Sequence[str], limits: Mapping[str, tuple[float, float]]
 ) -> str:
-    """The text of a URDF file with a joint for each driving coordinate, and nothing else.
+    """The text of a URDF file with a joint for each driving coordinate only.
 
-    For panels that show a slider for every joint of a description: of a closed machine, all others
+    For panels with a slider for every joint of a description: in a closed machine, all others
     follow.
 
     Parameters
     ----------
-    limits : between which coordinates can move [rad, m]; those without turn round, or are free
+    limits : range of coordinates [rad, m]; coordinates without one are unlimited
     """
     return written(_axes(machine, driven, limits))
 
@@ -84,14 +84,14 @@ def controlled_urdf(
 
     Parameters
     ----------
-    topics : of the component, ``states`` and ``commands``
+    topics : topics of the component: ``states`` and ``commands``
     """
     robot = _axes(machine, machine.plan.ideal.coordinates, {})
     control = SubElement(robot, 'ros2_control', name=component, type='system')
     hardware = SubElement(control, 'hardware')
     plugin = SubElement(hardware, 'plugin')
     plugin.text = 'joint_state_topic_hardware_interface/JointStateTopicSystem'
-    # It would hold back commands that hardly differ from the state: each step has one.
+    # Else commands close to the state would be suppressed: each step needs one.
     given = {f'joint_{x}_topic': topic for x, topic in topics.items()}
     for name, value in {**given, 'trigger_joint_command_threshold': '-1'}.items():
         SubElement(hardware, 'param', name=name).text = value
@@ -151,7 +151,7 @@ def left_out(machine: Machine) -> list[str]:
 
 
 def closing(machine: Machine) -> list[str]:
-    """The joints that are not of the tree, in sentences: the motion closes these loops."""
+    """The joints outside the tree, in sentences: the motion closes these loops."""
     loose, tree = machine.plan.clearances, machine.mechanism.tree_joints.values()
     found = []
     for joint in machine.mechanism.joints:
@@ -171,9 +171,9 @@ def closing(machine: Machine) -> list[str]:
 
 
 def _loops(robot: Element, mechanism: Mechanism, prefix: str) -> None:
-    """The joints that close loops, as URDF+ has them (M. Chignoli et al., arXiv 2411.19753).
+    """Loop-closing joints in the form of URDF+ (M. Chignoli et al., arXiv 2411.19753).
 
-    Readers that know no loops pass over them.
+    Readers without loops ignore them.
     """
     tree = mechanism.tree_joints.values()
     sides = 'predecessor', 'successor'
@@ -202,17 +202,17 @@ def _loops(robot: Element, mechanism: Mechanism, prefix: str) -> None:
 
 
 class _Tree:
-    """Writes the joints that carry links."""
+    """Writer of the joints that carry links."""
 
     def __init__(self, robot: Element, mechanism: Mechanism, prefix: str) -> None:
         self._robot, self._mechanism, self._prefix = robot, mechanism, prefix
         self._far = mechanism.reach * (len(mechanism.bodies) + 1)
 
     def carry(self, link: str) -> None:
-        """The joint that carries a link, and frames before and behind it."""
+        """Write the joint that carries a link, and frames before and behind it."""
         m = self._mechanism
         j = m.tree_joints[link]
-        ahead = j.first == link  # the link is named first: the joint is seen from its other side
+        ahead = j.first == link  # the joint is reversed: its first link is the carried one
         (_, here), (parent, there) = j.across(link)
         if isinstance(j, Prismatic):
             turn, child = -j.angle if ahead else j.angle, self._before(link, here)
@@ -236,12 +236,12 @@ class _Tree:
         self._turning(link, f'{link}.carrier', (0.0, 0.0), here)
 
     def float_free(self, body: Body) -> None:
-        """Two displacements of the centre of gravity, and the angle."""
+        """Write two displacements of the centre of gravity, and the angle."""
         self._shifted(body.name, GROUND, (0.0, 0.0))
         self._turning(body.name, f'{body.name}.y', (0.0, 0.0), body.cog)
 
     def _shifted(self, link: str, parent: str, there: Vector2) -> None:
-        """Two displacements of a link from a place of its parent."""
+        """Write two displacements of a link from a point of its parent."""
         x, y = (self._frame(f'{link}.{axis}') for axis in 'xy')
         self._joint(x, 'prismatic', parent, f'{link}.x', there, along=(1.0, 0.0))
         self._joint(y, 'prismatic', f'{link}.x', f'{link}.y', along=(0.0, 1.0))
@@ -252,7 +252,7 @@ class _Tree:
         self._joint(link, 'continuous', parent, self._before(link, here), there, turn)
 
     def _before(self, link: str, here: Vector2) -> str:
-        """The frame that a joint at `here` of a link moves: the link's, or one beside it."""
+        """Child frame of a joint at `here` of a link: the link's frame, or one at the joint."""
         if here == (0.0, 0.0):
             return link
         hub = f'{link}.joint'
@@ -274,7 +274,7 @@ class _Tree:
         turn: float = 0.0,
         along: Vector2 = (0.0, 0.0),
     ) -> Element:
-        """A joint; a prismatic one moves its child `along` a direction."""
+        """Write a joint; a prismatic one moves its child `along` a direction."""
         joint = SubElement(self._robot, 'joint', name=name, type=kind)
         parent = self._prefix + (WORLD if parent == GROUND else parent)
         SubElement(joint, 'parent', link=parent)
@@ -282,7 +282,7 @@ class _Tree:
         _origin(joint, (*at, 0.0), turn)
         if kind == 'prismatic':
             SubElement(joint, 'axis', xyz=text(*along, 0.0))
-            # The format asks for limits, which the motion has not: a controller that heeds them
+            # The format requires limits, which the motion has not: a controller that respects them
             # must be able to move the joint.
             far = text(self._far)
             SubElement(joint, 'limit', lower=f'-{far}', upper=far, effort=_FREE, velocity=_FREE)
@@ -292,7 +292,7 @@ class _Tree:
 
 
 def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid]) -> None:
-    """A link with its mass and what is seen of it; the ground without a body."""
+    """Write a link with its mass and visible shape; the ground has no body."""
     link = SubElement(robot, 'link', name=name)
     if body is not None and body.mass:
         inertial = SubElement(link, 'inertial')

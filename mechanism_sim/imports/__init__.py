@@ -1,4 +1,4 @@
-"""Machines from files of other programs: each format a file of this room."""
+"""Machines from files of other programs, a module for each format."""
 
 from mechanism_sim.imports.formats import Imported, import_machine, is_importable
 

@@ -1,4 +1,4 @@
-"""A planar machine where it is at its start, as files of other programs give it, and its scene."""
+"""Planar machines at their start, as described by files of other programs, and their scenes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Pose = tuple[float, float, float]
 """Pose of a frame at the start: x, y and angle [rad]."""
 
 _WIDTH = 99
-_ROUNDING = 1e-14  # of lengths of machines, in any unit
-_TURNED = 1e-15  # [rad] likewise
+_ROUNDING = 1e-14  # tolerance of lengths, in any unit
+_TURNED = 1e-15  # [rad] tolerance of angles
 
 
 @dataclass
@@ -31,9 +31,9 @@ class BlueprintLink:
 
     Attributes
     ----------
-    pose : of its frame; lengths are in the unit of the blueprint
-    points : in its frame, by name
-    keys : further keys that the scene has of it, as mass
+    pose : pose of its frame in the world; lengths in the unit of the blueprint
+    points : coordinates in its frame, by name
+    keys : further keys of the link in the scene, as mass
     """
 
     pose: Pose = (0.0, 0.0, 0.0)
@@ -56,10 +56,10 @@ class Blueprint:
 
     Attributes
     ----------
-    unit : of all lengths
-    joints, keys : joints, and further keys of the scene, as the scene has them
-    outlines : areas of links that are drawn, holes negative
-    notes : what is not as in the file, in sentences
+    unit : unit of all lengths
+    joints, keys : joints and further keys, in the form of the scene
+    outlines : areas of drawn links, negative for holes
+    notes : sentences on differences from the file
     """
 
     title: str
@@ -71,16 +71,16 @@ class Blueprint:
     notes: list[str] = field(default_factory=list)
 
     def length(self, value: float) -> str:
-        """A length with its unit, to 15 digits; what is but rounding is 0."""
+        """Text of a length with its unit, to 15 digits; rounding errors become 0."""
         shown = unrounded(value) if abs(value) > _ROUNDING else 0.0
         return f'{shown!r} {self.unit}'
 
     def vector(self, place: Iterable[float]) -> list[str]:
-        """A place with its unit."""
+        """Texts of both coordinates of a point, with their unit."""
         return [self.length(x) for x in place]
 
     def through(self, link: str, places: Mapping[str, Vector2]) -> None:
-        """Add a link through points of the world: from the first, along the line to the second."""
+        """Add a link through world points: origin at the first, x axis towards the second."""
         origin, *others = places.values()
         away = [at for at in others if math.dist(at, origin) > 0.0]
         angle = math.atan2(away[0][1] - origin[1], away[0][0] - origin[0]) if away else 0.0
@@ -96,7 +96,7 @@ class Blueprint:
     def join(
         self, name: str, kind: str, first: tuple[str, str], second: tuple[str, str], **more: Any
     ) -> None:
-        """Add a joint between points of two links, under a name that is free."""
+        """Add a joint between points of two links, under a free name."""
         name, number = named(name), 1
         wanted = f'{name}_joint' if name in self.links else name
         while wanted in self.joints:
@@ -113,7 +113,7 @@ class Blueprint:
             self.keys['drive'] = given
 
     def scene(self) -> dict[str, Any]:
-        """The keys and values of the scene; how its links stand at the start is its guess."""
+        """Keys and values of the scene; the start poses of links are its guess."""
         data: dict[str, Any] = {'title': self.title, 'mechanism': 'linkage'}
         data['links'] = {}
         for name, link in self.links.items():
@@ -126,7 +126,7 @@ class Blueprint:
         return data
 
     def _joint(self, joint: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-        """A joint as a scene has it; the origin of a link goes by the link's name."""
+        """A joint in the form of a scene; the origin of a link has the link's name."""
         for key, value in joint.items():
             ends = isinstance(value, list)
             yield key, [self.reference(*end) for end in value] if ends else value
@@ -136,7 +136,7 @@ class Blueprint:
         return f'{link}.{point}' if any(self.links[link].points.get(point, ())) else link
 
     def _guess(self, data: dict[str, Any]) -> Iterator[tuple[str, str]]:
-        """Angles and displacements of links at the start; which is which the plan knows."""
+        """Angles and displacements of links at the start, by the coordinates of the plan."""
         tree = ScenePlan(check_scene(self.title, data)).ideal
         driven = data.get('drive', {})
         for link in tree.coordinates:
@@ -149,7 +149,7 @@ class Blueprint:
                 yield link, angle(math.remainder(self.links[link].pose[2], 2.0 * math.pi))
 
     def displacement(self, name: str) -> float:
-        """Displacement of the second link of a guide against the first at the start [m]."""
+        """Displacement at the start of the second link of a guide relative to the first."""
         joint = self.joints[name]
         (first, on_first), (second, on_second) = joint['prismatic']
         (ax, ay), (bx, by) = self.links[first].at(on_first), self.links[second].at(on_second)
@@ -159,11 +159,11 @@ class Blueprint:
 
 
 def unit_of(where: str, stated: str, told: str | None) -> str:
-    """The unit of the lengths of a file: as it states it, else as it is told; '' if neither does.
+    """The unit of lengths of a file: as stated, else as given by the user; else ''.
 
     Parameters
     ----------
-    where : what states it, which begins a refusal of one that is told and differs
+    where : source of the stated unit, for the message if the given one differs
     """
     if told:
         try:
@@ -176,18 +176,18 @@ def unit_of(where: str, stated: str, told: str | None) -> str:
 
 
 def angle(value: float) -> str:
-    """An angle with its unit; what is but rounding is 0."""
+    """Text of an angle with its unit; rounding errors become 0."""
     return f'{value if abs(value) > _TURNED else 0.0!r} rad'
 
 
 def named(text: str) -> str:
-    """A name as scenes have it: letters, digits and _."""
+    """A valid name of a scene: letters, digits and _."""
     name = re.sub(r'\W+', '_', text).strip('_') or 'part'
     return f'{name}_' if name in RESERVED else name if name.isidentifier() else f'n{name}'
 
 
 def names_of(texts: Iterable[str], what: str) -> dict[str, str]:
-    """The names of several parts; InputError where two would be one."""
+    """The names of several parts; InputError if two would be equal."""
     found = {text: named(text) for text in texts}
     if len({*found.values()}) < len(found):
         raise InputError(f'two {what} would have the same name: {", ".join(found)}')
@@ -208,7 +208,7 @@ def to_yaml(data: Mapping[str, Any]) -> str:
 
 
 def _lines(key: str, value: Any, indent: str) -> list[str]:
-    """A key with its value in one line, or its own keys each in one."""
+    """Lines of a key with its value, or of a key and each of its own keys."""
     line = f'{indent}{key}: {flow(value)}'
     if len(line) <= _WIDTH or not isinstance(value, dict):
         return [line]

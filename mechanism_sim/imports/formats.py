@@ -44,10 +44,10 @@ class Imported:
 
     Attributes
     ----------
-    name : of the scene
-    data : its keys and values
-    text : the same as a YAML file
-    notes : what is not as in the file, or is missing, in sentences
+    name : name of the scene
+    data : keys and values of the scene
+    text : text of the scene as a YAML file
+    notes : sentences on changed or missing contents of the file
     """
 
     name: str
@@ -57,7 +57,7 @@ class Imported:
 
 
 def is_importable(source: str) -> bool:
-    """True of addresses, and of files with the ending of a format that is read here."""
+    """True for addresses, and for files with the ending of a supported format."""
     return source.startswith(_ADDRESSES) or Path(source).suffix.lower() in READERS
 
 
@@ -72,9 +72,9 @@ def import_machine(
 
     Parameters
     ----------
-    unit : of lengths, if the file does not state it, as 'mm'
-    thickness, density : of links that are drawn, for their masses, as '5 mm', '7850 kg/m^3'
-    overrides : keys that the file has not, as ``drive.speed=60 rpm``
+    unit : unit of lengths, if the file does not state it, as 'mm'
+    thickness, density : of drawn links, for their masses, as '5 mm', '7850 kg/m^3'
+    overrides : keys missing in the file, as ``drive.speed=60 rpm``
     """
     name = str(source)
     if name.startswith(_ADDRESSES):
@@ -109,7 +109,7 @@ def import_machine(
         )
     try:
         build(stem, check_scene(stem, data))
-    except InputError as error:  # it is written all the same: people mend it there
+    except InputError as error:  # written nevertheless, to be corrected by hand
         notes.append(str(error))
     return Imported(named(stem), data, to_yaml(data), tuple(notes))
 

@@ -1,7 +1,7 @@
-"""Mechanisms by the coordinates of their joints: tables as CSV, and addresses of PMKS+.
+"""Mechanisms from coordinates of their joints: CSV tables, and addresses of PMKS+.
 
-PMKS+ (https://github.com/PMKS-Web/PMKSWeb) lists for each joint the links that meet in it. In its
-addresses of today numbers are in base 64 and thousandths; those of before July 2023 are the tables
+PMKS+ (https://github.com/PMKS-Web/PMKSWeb) lists for each joint its links. In present
+addresses numbers are in base 64 and thousandths; addresses before July 2023 are the tables
 themselves.
 """
 
@@ -33,27 +33,27 @@ _COLUMNS = {
 
 
 class JointRow(NamedTuple):
-    """A joint of a table: where it is, and the links that meet in it."""
+    """A joint of a table: its position, and the links that it connects."""
 
     name: str
     at: Vector2
     links: tuple[str, ...]
-    kind: str = 'R'  #: or P of a guide, RP of a pin of the first link in a slot of the second
+    kind: str = 'R'  #: or P for a guide, RP for a pin of the first link in a slot of the second
     ground: bool = False
-    angle: float = 0.0  #: [rad] of a guide or slot, in the world
+    angle: float = 0.0  #: direction of a guide or slot in the world [rad]
     input: bool = False
-    carrier: str = ''  #: link that has the guide, if it is not the ground
+    carrier: str = ''  #: link with the guide, if not the ground
 
 
 @dataclass
 class JointTable:
-    """A mechanism by its joints.
+    """A mechanism defined by its joints.
 
     Attributes
     ----------
-    order : names of the joints of a link, where a file has an order of its own
-    speed, pace : of the input, and its unit; of what slides lengths a second
-    swing : angle of the input as a formula, instead of its speed
+    order : names of joints by link, if the file has an order of its own
+    speed, pace : speed of the input and its unit; sliding inputs in lengths per second
+    swing : formula of the input angle, instead of a speed
     """
 
     title: str
@@ -98,7 +98,7 @@ class JointTable:
                 axis = row.angle - made.links[slot].pose[2]
                 made.join(joint, 'slot', (pin, joint), (slot, joint), axis=f'{axis!r} rad')
             else:
-                # a block that is a point lies as its guide does
+                # a block with a single point has the direction of its guide
                 block = made.links[other]
                 if not any(map(any, block.points.values())):
                     block.pose = (*block.pose[:2], made.links[first].pose[2])
@@ -217,7 +217,7 @@ def _checked(where: str, table: JointTable) -> JointTable:
 
 
 def _links(text: str) -> tuple[str, ...]:
-    """Links of a joint, with whatever between them."""
+    """Links of a joint, with any separators."""
     found = tuple(x for x in re.split(r'[|;,/+\s]+', text) if x)
     return tuple(GROUND if x.lower() == GROUND else x for x in found)
 
@@ -243,7 +243,7 @@ def _packed(query: str) -> JointTable:
     """``FLAGS.SCALE.SPEED,STEP.UNITS.JOINT.JOINT..LINK.LINK..FORCE..``, in base 64."""
     head, *lists = query.split('..')
     flags, _, numbers, units, *joints = head.split('.')
-    clockwise = _integer(f'1{flags}') & 1  # its first bit
+    clockwise = _integer(f'1{flags}') & 1  # first bit
     table = {}
     for joint in joints:
         name, _, x, y, turn, *slot = joint.split(',')
@@ -254,7 +254,7 @@ def _packed(query: str) -> JointTable:
             name[1:], place, (), kind, bool(bits & 4), _integer(turn) / 1000.0, bool(bits & 2),
             *slot[:1],
         )  # fmt: skip
-        if len(slot) >= 3:  # a slot along a link has the direction between two joints of it
+        if len(slot) >= 3:  # the slot has the direction between two joints of the link
             table[name[1:]] = table[name[1:]]._replace(input=False, links=tuple(slot[1:3]))
     order: dict[str, list[str]] = {}
     for link in filter(None, lists[0].split('.')):
@@ -276,7 +276,7 @@ def _packed(query: str) -> JointTable:
 
 
 def _integer(text: str) -> int:
-    """A number in base 64; a 0 before it is a minus."""
+    """A number in base 64; a leading 0 is a minus sign."""
     value = 0
     for digit in text:
         value = 64 * value + _DIGITS.index(digit)

@@ -1,4 +1,4 @@
-"""XML of strangers: no entities, no includes, numbers that are numbers."""
+"""Untrusted XML: no entities, no includes, valid numbers."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from mechanism_sim.packages import reason
 
 
 def parse(file: str, text: str, *roots: str) -> Element:
-    """The root of a document, which is one of these elements.
+    """The root of a document, which must be one of these elements.
 
-    Entities could make much of little, and read other files: a document that defines any is
-    refused. What a ``<!DOCTYPE`` names elsewhere is not read.
+    Entities could expand without bound, and read other files: a document that defines any is
+    refused. External subsets of a ``<!DOCTYPE`` are not read.
     """
     if '<!ENTITY' in text:
         raise InputError(f'{file}: entities are not read: take them out')
@@ -45,7 +45,7 @@ def numbers(text: str | None, count: int, default: float = 0.0) -> Array:
 
 
 def number(text: str | None, default: float = 0.0) -> float:
-    """One number of a text."""
+    """A single number of a text."""
     return float(numbers(text, 1, default)[0])
 
 

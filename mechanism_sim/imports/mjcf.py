@@ -16,16 +16,16 @@ from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import by_quaternion, number, numbers, parse, rotation
 from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint, add_mass
 
-_DEEPEST = 200  # bodies in bodies
+_DEEPEST = 200  # depth of nested bodies
 _KINDS = {'hinge': 'revolute', 'slide': 'prismatic'}
-_MADE = 'attach', 'composite', 'flexcomp', 'replicate'  # of which MuJoCo makes bodies
+_MADE = 'attach', 'composite', 'flexcomp', 'replicate'  # elements that MuJoCo expands to bodies
 _UNREAD = 'balanceinertia', 'boundinertia', 'boundmass', 'coordinate', 'inertiagrouprange'
 
 _Defaults = dict[str, dict[str, str]]  # attributes by kind of element
 
 
 class _Held(NamedTuple):
-    """Class of default values, and place, of what is in a body or in a frame of it."""
+    """Class of default values, and pose, of elements in a body or in a frame of it."""
 
     childclass: str
     turn: Array = np.eye(3)
@@ -33,13 +33,13 @@ class _Held(NamedTuple):
 
 
 def read(path: Path, text: str, _unit: str | None) -> Blueprint:
-    """The machine of an MJCF, which is in metres."""
+    """The machine of an MJCF file, in metres."""
     root = parse(path.name, text, 'mujoco')
     return _MjcfReader(root, path.stem).robot.blueprint()
 
 
 class _MjcfReader:
-    """Reads one file."""
+    """Reader of a file."""
 
     def __init__(self, root: Element, name: str) -> None:
         self._root, self.robot = root, Robot(root.get('model') or name)
@@ -51,7 +51,7 @@ class _MjcfReader:
         for default in root.findall('default'):
             self._classes[''] = self._define(default, self._classes[''])
         self._sites: dict[str, tuple[str, Array]] = {}
-        self._moving: dict[str, float] = {}  # `ref` of joints in the order of MuJoCo
+        self._moving: dict[str, float] = {}  # `ref` by joint, in the order of MuJoCo
         self._joints: dict[str, dict[str, str]] = {}
         self._tendons = {
             t.get('name'): {str(j.get('joint')): number(j.get('coef')) for j in t.findall('joint')}
@@ -64,7 +64,7 @@ class _MjcfReader:
         for world in root.findall('worldbody'):
             self._bodies(world, WORLD, '', 0)
         total = number(compiler.get('settotalmass'), -1.0)
-        # all bodies weigh so much together; a total that is not positive is none
+        # total mass of all bodies; values that are not positive have no effect
         mass = sum(body.mass for body in self.robot.bodies.values())
         for body in self.robot.bodies.values() if total > 0.0 < mass else ():
             body.mass, body.inertia = body.mass * total / mass, body.inertia * (total / mass)
@@ -75,11 +75,11 @@ class _MjcfReader:
         self._tell(compiler)
 
     def _section(self, tag: str) -> dict[str, str]:
-        """Attributes of a section, which may come several times."""
+        """Attributes of a section, which may be repeated."""
         return {k: v for part in self._root.findall(tag) for k, v in part.attrib.items()}
 
     def _define(self, default: Element, above: _Defaults) -> _Defaults:
-        """Attributes of a class by kind of element, and those of the classes within it."""
+        """Attributes of a class by kind of element, nested classes included."""
         own = {x.tag: {**above.get(x.tag, {}), **x.attrib} for x in default}
         found = self._classes[default.get('class', 'main')] = above | own
         for nested in default.findall('default'):
@@ -87,11 +87,11 @@ class _MjcfReader:
         return found
 
     def _given(self, element: Element, childclass: str = '', kind: str = '') -> dict[str, str]:
-        """Attributes of an element, with those of its class, else of the nearest `childclass`.
+        """Attributes of an element, with defaults of its class or of the nearest `childclass`.
 
         Parameters
         ----------
-        kind : of its default values, if not by its own tag
+        kind : kind of its default values, if not its tag
         """
         name = element.get('class', childclass)
         if name not in self._classes:
@@ -99,7 +99,7 @@ class _MjcfReader:
         return {**self._classes[name].get(kind or element.tag, {}), **element.attrib}
 
     def _parts(self, element: Element, held: _Held) -> Iterator[tuple[Element, _Held]]:
-        """Elements of a body, with class and place of the `frame` in which they are."""
+        """Elements of a body, with class and pose of their `frame`."""
         for child in element:
             if child.tag == 'frame':
                 yield from self._parts(child, self._placed(child.attrib, held, child))
@@ -109,13 +109,13 @@ class _MjcfReader:
     def _placed(
         self, given: Mapping[str, str], held: _Held, element: Element | None = None
     ) -> _Held:
-        """Pose of a part of a body, whose own pose is given."""
+        """Pose of a part of a body with the given pose."""
         childclass = held.childclass if element is None else element.get('childclass')
         at = held.at + held.turn @ numbers(given.get('pos'), 3)
         return _Held(childclass or held.childclass, held.turn @ self._turn(given), at)
 
     def _bodies(self, element: Element, parent: str, childclass: str, depth: int) -> None:
-        """Bodies below one, with what carries them."""
+        """Child bodies, with the joints that carry them."""
         if depth > _DEEPEST:
             raise InputError(f'bodies nested more than {_DEEPEST} deep')
         robot, count = self.robot, 0
@@ -135,7 +135,7 @@ class _MjcfReader:
                 self._bodies(part, name, own.childclass, depth + 1)
 
     def _carry(self, body: Element, parent: str, made: RobotBody, childclass: str) -> None:
-        """Joints of a body, with frames between several; none of a free one."""
+        """Joints of a body, with frames between several; none for a free body."""
         parts = self._parts(body, _Held(childclass))
         found = [
             ({'type': 'free'} if x.tag == 'freejoint' else self._given(x, held.childclass), held)
@@ -165,7 +165,7 @@ class _MjcfReader:
             axis = held.turn @ numbers(joint.get('axis') or '0 0 1', 3)
             axis = axis / (np.linalg.norm(axis) or 1.0)
             ref = number(joint.get('ref')) * (self._scale if kind == 'revolute' else 1.0)
-            # the coordinate of a slide is `ref` at the start
+            # the coordinate of a slide equals `ref` at the start
             back = axis * ref if kind == 'prismatic' else 0.0
             there = robot.bodies[holder].local(made.world(at - back))
             robot.joints.append(RobotJoint(name, kind, holder, child, there, at, axis))
@@ -193,7 +193,7 @@ class _MjcfReader:
         return made
 
     def _weigh(self, geom: Mapping[str, str], body: RobotBody, held: _Held) -> None:
-        """Add a shape to what a body weighs, as MuJoCo does where no `inertial` says it."""
+        """Add the mass of a shape to a body, as MuJoCo does for bodies without `inertial`."""
         kind, sizes = geom.get('type', 'sphere'), (geom.get('size') or '').split()
         r, half, third = (number(sizes[k]) if k < len(sizes) else 0.0 for k in (0, 1, 2))
         if kind in ('plane', 'hfield'):
@@ -232,7 +232,7 @@ class _MjcfReader:
         add_mass(body, RobotBody('', mass=given, inertia=given * np.diag(i)), turn, at)
 
     def _turn(self, element: Element | Mapping[str, str]) -> Array:
-        """Rotation (3, 3) of an element, by whichever attribute says it."""
+        """Rotation (3, 3) of an element, from any of its attributes for it."""
         if (quat := element.get('quat')) is not None:
             w, x, y, z = numbers(quat, 4).tolist()
             return by_quaternion(x, y, z, w)
@@ -256,7 +256,7 @@ class _MjcfReader:
         return found
 
     def _start(self, tree: Sequence[RobotJoint]) -> dict[str, float]:
-        """Coordinates of all joints at the start, where the first keyframe puts the bodies."""
+        """Coordinates of all joints at the start, from the first keyframe."""
         key, start = self._root.find('keyframe/key'), self._moving
         if key is None or not key.get('qpos'):
             return start
@@ -269,7 +269,7 @@ class _MjcfReader:
             if not (by := values.get(joint.name, 0.0) - start.get(joint.name, 0.0)):
                 continue
             child, carried = bodies[joint.child], [joint.child]
-            for other in tree:  # in which bodies come before those that they carry
+            for other in tree:  # bodies come before their children
                 carried += [other.child] if other.parent in carried else []
             way, pin = child.turn @ joint.axis, child.world(joint.on_child)
             turns = joint.kind == 'revolute'
@@ -294,9 +294,9 @@ class _MjcfReader:
                 robot.notes.append(f'{name}: left out: an equality of {element.tag}')
 
     def _sums(self, kind: str, held: Mapping[str, str]) -> list[dict[str, float]]:
-        """Two sums of joint coordinates, the first of which is held at a function of the second.
+        """Two sums of joint coordinates, the first constrained to a function of the second.
 
-        The second is empty if the first is to stay where it is; other equalities have none.
+        The second is empty if the first is constant; the list is empty for other equalities.
         """
         ends = [held.get(f'{kind}{k}') for k in (1, 2)]
         if kind == 'joint' and all(ends):
@@ -306,7 +306,7 @@ class _MjcfReader:
         return []
 
     def _hold(self, name: str, terms: list[dict[str, float]], coefficients: list[float]) -> None:
-        """Hold the first sum at a polynomial of the second that is a constant and a factor."""
+        """Constrain the first sum to a linear polynomial of the second."""
         constant, factor, *curved = coefficients
         one, other = terms
         if other and any(curved):
@@ -322,7 +322,7 @@ class _MjcfReader:
         self.robot.ratios[name] = both
 
     def _ends(self, held: Mapping[str, str]) -> Iterator[tuple[str, Array]]:
-        """The bodies that a `connect` holds together, and where on each."""
+        """The bodies that a `connect` joins, with its point on each."""
         if held.get('site1'):
             yield self._sites[str(held.get('site1'))]
             yield self._sites[str(held.get('site2'))]
@@ -358,7 +358,7 @@ class _MjcfReader:
                         'stiffness': f'{k!r} N/m', 'free_length': f'{max(free, 0.0)!r} m',
                         'damping': f'{d!r} N s/m',
                     }  # fmt: skip
-                    if not (side == 'below' and free <= 0.0):  # no length is below
+                    if not (side == 'below' and free <= 0.0):  # lengths are not negative
                         self.robot.springs[part] = [*ends], keys | ({'acts': side} if side else {})
             elif acts:
                 factors = self._tendons[tendon.get('name')]
@@ -367,7 +367,7 @@ class _MjcfReader:
                     self.robot.twists[part] = factors, k, d, free - now, side
 
     def _drives(self) -> None:
-        """Actuators of a speed, whose controls the first keyframe has."""
+        """Speed actuators, with controls of the first keyframe."""
         key = self._root.find('keyframe/key')
         control = (key.get('ctrl') if key is not None else None) or ''
         values = [number(x) for x in control.split()]
@@ -382,7 +382,7 @@ class _MjcfReader:
                 self.robot.notes.append(f'{name}: left out: an actuator of {actuator.tag}')
 
     def _tell(self, compiler: Mapping[str, str]) -> None:
-        """Note what else the file has and a scene has not."""
+        """Note further contents of the file that a scene cannot have."""
         robot = self.robot
         robot.notes += [
             f'{x.get("file")}: left out: an included file' for x in self._root.iter('include')
@@ -415,9 +415,9 @@ class _MjcfReader:
 def _laws(
     name: str, stiffness: float, damping: float, low: float, high: Sequence[float]
 ) -> Iterator[tuple[str, float, float, float, str]]:
-    """Springs and dampers of a tendon: stiffness, damping, length and on which side of it it acts.
+    """Springs and dampers of a tendon: name, stiffness, damping, free length, acting side.
 
-    Between two different lengths there is no force but that of the damper.
+    Between two different lengths only the damper has a force.
     """
     if not stiffness or [low] * len(high) == [*high]:
         yield name, stiffness, damping, low, ''
@@ -429,7 +429,7 @@ def _laws(
 
 
 def _upright(way: Array) -> Array:
-    """The smallest rotation (3, 3) that turns the z axis to a direction."""
+    """The smallest rotation (3, 3) of the z axis to a direction."""
     axis = np.cross(_Z, way)
     size = float(np.linalg.norm(axis))
     return rotation(axis if size else np.eye(3)[0], math.atan2(size, way[2]))

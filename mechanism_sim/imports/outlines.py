@@ -1,7 +1,7 @@
-"""Links by their outlines in drawings, DXF and SVG: holes are joints, areas are masses.
+"""Links from outlines in drawings, DXF and SVG: holes are joints, areas give masses.
 
-A link is all that is on a layer, or in a group of an SVG; the layer `ground` has the pivots. Holes
-of two links that are in one place are a joint.
+A layer, or a group of an SVG, is a link; the layer `ground` has the pivots. Coincident holes
+of two links are a joint.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drawn_edges import DXF_UNITS, simple_entities
 from mechanism_sim.units import counted, to_si
 
-_FINE = 1e-7  # error of curves as polygons, and of ends that meet, in sizes of the drawing
-_SAME = 1e-6  # distance of holes that are one, likewise
+_FINE = 1e-7  # tolerance of polygons and of joined ends, as a share of the drawing's size
+_SAME = 1e-6  # tolerance of coincident holes, as a share of the drawing's size
 _CURVES = 'LINE', 'ARC', 'CIRCLE', 'ELLIPSE', 'SPLINE'
 _MOST = 100_000  # entities of a drawing
 _GROUNDS = 'ground', 'frame', 'base'
 
 
 class DrawnCurve(NamedTuple):
-    """A curve on a layer: its points (n, 2), and its centre and radius if it is a circle."""
+    """A curve on a layer: its points (n, 2), and centre and radius of a circle."""
 
     layer: str
     points: Array
@@ -43,7 +43,7 @@ class DrawnCurve(NamedTuple):
 
 
 class DrawnArea(NamedTuple):
-    """Area, its centre (2,), and polar second moment about the origin."""
+    """Area, its centroid (2,), and polar second moment about the origin."""
 
     size: float
     centre: Array
@@ -87,9 +87,9 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
 
 
 def _parts(entity: Any, frozen: set[str], above: str = '0') -> Iterator[tuple[str, Any]]:
-    """Drawn parts of an entity with their layers; 0 in a block is the layer of its reference.
+    """Visible parts of an entity with their layers; 0 in a block is the layer of its reference.
 
-    A reference on a frozen layer has none; of one that is off, those on other layers are shown.
+    A reference on a frozen layer has none; if its layer is off, parts on other layers are shown.
     """
     layer = above if entity.dxf.layer == '0' else str(entity.dxf.layer)
     if entity.dxf.invisible or layer.casefold() in frozen:
@@ -104,7 +104,7 @@ def _parts(entity: Any, frozen: set[str], above: str = '0') -> Iterator[tuple[st
 
 
 def _points(entity: Any, near: float) -> Array:
-    """Points (n, 2) of it, between which it is straight within a distance."""
+    """Points (n, 2) of an entity, whose chords are within a distance of it."""
     line = entity.dxftype() == 'LINE'
     found = (entity.dxf.start, entity.dxf.end) if line else entity.flattening(near)
     return np.array([[p.x, p.y] for p in found])
@@ -117,7 +117,7 @@ def read_svg(path: Path, text: str, unit: str | None) -> Blueprint:
 
 
 def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
-    """The machine of the curves of a drawing; its links have outlines but no masses yet."""
+    """The machine of the curves of a drawing; links have outlines, but no masses yet."""
     if not unit:
         raise InputError(f'{title}: the drawing does not state its unit: give --unit mm')
     made = Blueprint(title, unit)
@@ -158,7 +158,7 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
         for layer in dict.fromkeys(curve.layer for curve in drawn)
         if layer not in layers
     ]
-    while holes:  # the first link in a place holds the others there
+    while holes:  # the first link at a position carries the others
         (one, a, at), *others = holes
         here = [hole for hole in others if math.dist(at, hole[2]) < _SAME * size]
         holes = [hole for hole in others if hole not in here]
@@ -169,7 +169,7 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
 
 
 def _check_one(where: str, unit: str, outer: DrawnCurve, inner: Sequence[DrawnCurve]) -> None:
-    """Refuse a layer with a curve that is not within its largest one."""
+    """Refuse a layer with a curve that is not inside its largest one."""
     if other := next((curve for curve in inner if not _within(outer, curve)), None):
         x, y = _middle(other)
         raise InputError(
@@ -179,7 +179,7 @@ def _check_one(where: str, unit: str, outer: DrawnCurve, inner: Sequence[DrawnCu
 
 
 def _within(outer: DrawnCurve, curve: DrawnCurve) -> bool:
-    """True of a curve in a closed one, which it may touch."""
+    """True if a curve is inside a closed one, or touches it from inside."""
     points, middle = curve.points[:: len(curve.points) // 64 + 1], _middle(curve)
     return all(encloses(outer.points, p) for p in middle + (1.0 - _SAME) * (points - middle))
 
@@ -191,15 +191,15 @@ def _middle(curve: DrawnCurve) -> Array:
 def _loose(
     where: str, unit: str, own: Sequence[DrawnCurve], loose: Sequence[DrawnCurve]
 ) -> Iterator[str]:
-    """A note of curves that do not close, of a layer whose largest curve is its outline.
+    """A note of open curves, on a layer whose largest closed curve is its outline.
 
-    It is one if all others are within it, or if those that do not close are so too or pass
-    through it. Circles about one centre may be a hole of an outline that does not close: these
-    are one only if nothing goes round them.
+    It is the outline if all other closed curves are inside it, or if the open ones are too or
+    pass through it. Concentric circles may be a hole of an outline that does not close: they
+    are an outline only if no open curve surrounds them.
 
     Parameters
     ----------
-    own : the closed curves of the layer, the largest first
+    own : closed curves of the layer, the largest first
     """
     if not loose:
         return
@@ -230,7 +230,7 @@ def _loose(
 
 
 def _apart(points: Array, place: Array) -> float:
-    """Distance of a place (2,) from lines between points (n, 2)."""
+    """Distance of a position (2,) from lines between points (n, 2)."""
     begin, way = points[:-1], np.diff(points, axis=0)
     square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
     along = np.clip(((place - begin) * way).sum(axis=1) / square, 0.0, 1.0)
@@ -238,7 +238,7 @@ def _apart(points: Array, place: Array) -> float:
 
 
 def weigh(made: Blueprint, thickness: str | None, density: str) -> None:
-    """Give links the masses of their outlines, cut from plates."""
+    """Give links the masses of plates with their outlines."""
     if not made.outlines:
         if thickness:
             raise InputError('--thickness is for drawings: this file gives the masses of links')
@@ -277,7 +277,7 @@ def _area(curve: DrawnCurve) -> DrawnArea:
 
 
 def _chained(curves: Sequence[DrawnCurve]) -> list[DrawnCurve]:
-    """The closed ones, and on each layer the chains that the others make, which may close."""
+    """Closed curves, and on each layer the chains of open ones, which may be closed."""
     pieces: dict[str, list[Array]] = {}
     for curve in curves:
         if not curve.closed:
@@ -288,7 +288,7 @@ def _chained(curves: Sequence[DrawnCurve]) -> list[DrawnCurve]:
 
 
 def _chains(layer: str, pieces: list[Array], near: float) -> Iterator[DrawnCurve]:
-    """Curves of pieces that meet at their ends."""
+    """Chains of curves that are connected at their ends."""
     left = list(pieces)
     while left:
         chain, turned = left.pop(0), False
@@ -302,5 +302,5 @@ def _chains(layer: str, pieces: list[Array], near: float) -> Iterator[DrawnCurve
             else:
                 if turned:
                     break
-                chain, turned = chain[::-1], True  # what meets its beginning
+                chain, turned = chain[::-1], True  # curves at its start
         yield DrawnCurve(layer, chain[:-1] if closed else chain, closed=bool(closed))

@@ -1,7 +1,7 @@
 """Mechanisms of pylinkage as JSON.
 
 Source: `mechanism/serialization.py` of https://github.com/HugoFara/pylinkage, version 1.3. It has
-no units: lengths are metres unless told otherwise.
+no units: lengths are metres unless a unit is given.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def read(path: Path, text: str, unit: str | None) -> Blueprint:
             f'{path.name} has no joints and links, as mechanisms of pylinkage have: write those '
             'by its mechanism_to_json; its graphs have no lengths'
         )
-    # joints, the order of those of each link, and the link that is driven
+    # joints, their order on each link, and the driven link
     order = {x['id']: list(x['joints']) for x in data['links'] if x['type'] != 'ground'}
     held = {j for x in data['links'] if x['type'] == 'ground' for j in x['joints']}
     driver: dict[str, Any] = next(
@@ -64,7 +64,7 @@ def read(path: Path, text: str, unit: str | None) -> Blueprint:
 
 
 def _swing(driver: dict[str, Any], speed: float) -> str:
-    """The angle of a link that goes to and fro in an arc, at this mean speed [rad/s]."""
+    """The angle of a link that oscillates over an arc, at this mean speed [rad/s]."""
     low, high = float(driver['arc_start']), float(driver['arc_end'])
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     start = low if (angle := driver.get('initial_angle')) is None else float(angle)

@@ -1,4 +1,4 @@
-"""Robots as URDF, SDF and MJCF describe them, in space, and what of them moves in a plane."""
+"""Spatial robots as described by URDF, SDF and MJCF, and their planar motion."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ _LEFT_OUT = {'limits': 'its limits are left out: see `stops`',
              'friction': 'its friction is left out, which does not depend on its load',
              'armature': 'the inertia of its rotor is left out',
              'springdamper': 'its springdamper is left out: see `springs`'}  # fmt: skip
-_ALIGNED = 1e-4  # [rad] by which axes may differ: files have angles such as 1.5708
-_SAME = 1e-9  # [m] of points that are one
-_PLANES = {2: (0, 1), 1: (0, 2), 0: (1, 2)}  # axes of the plane, by the axis across it
+_ALIGNED = 1e-4  # [rad] tolerance of parallel axes: files have angles such as 1.5708
+_SAME = 1e-9  # [m] tolerance of coincident points
+_PLANES = {2: (0, 1), 1: (0, 2), 0: (1, 2)}  # axes of the plane, by its normal axis
 
 
 @dataclass
 class RobotBody:
-    """A body: its frame at the start, mass, centre of gravity, inertia about it in its axes.
+    """A body: its frame at the start, mass, centre of gravity and central inertia in its axes.
 
-    A `frame` has neither mass nor shape, and only stands between joints.
+    A `frame` has neither mass nor shape, and only connects joints.
     """
 
     name: str
@@ -45,11 +45,11 @@ class RobotBody:
     frame: bool = False
 
     def world(self, point: Array) -> Array:
-        """A point of it in the world (3,) [m]."""
+        """World coordinates (3,) [m] of a point of the body."""
         return np.asarray(self.place + self.turn @ point)
 
     def local(self, place: Array) -> Array:
-        """A point of the world in its frame (3,) [m]."""
+        """Coordinates (3,) [m] in the body's frame of a point of the world."""
         return np.asarray(self.turn.T @ (place - self.place))
 
 
@@ -59,8 +59,8 @@ class RobotJoint:
 
     Attributes
     ----------
-    axis : (3,) in the frame of the child; zeros if the file has none of a loop
-    turn : (3, 3) of the child in the parent, of a fixed joint
+    axis : (3,) direction in the frame of the child; zeros for a loop without one
+    turn : (3, 3) rotation of the child in the parent, for a fixed joint
     """
 
     name: str
@@ -75,16 +75,16 @@ class RobotJoint:
 
 @dataclass
 class Robot:
-    """Bodies, the joints that carry or hold them, and what else a file says.
+    """Bodies, joints of the tree and of loops, and further contents of a file.
 
     Attributes
     ----------
-    ratios : sums of factors times joint coordinates that stay what they are, by name
-    geared : likewise of angles of bodies
-    drives : such sums, with their speeds [rad/s, m/s]
-    springs : ends (body, point), and keys of the scene, by name
-    twists : springs of such sums by name: with stiffness, damping [SI], by how much the sum is
-        more than at the start where they are free, and the side of it on which alone they act
+    ratios : constant linear combinations of joint coordinates, by name
+    geared : constant linear combinations of angles of bodies, by name
+    drives : linear combinations of joint coordinates, with their speeds [rad/s, m/s]
+    springs : ends (body, point) and keys of the scene, by name
+    twists : springs of linear combinations of joint coordinates by name: stiffness, damping
+        [SI], free value less that at the start, and the only side on which they act
     """
 
     title: str
@@ -103,7 +103,7 @@ class Robot:
     notes: list[str] = field(default_factory=list)
 
     def resist(self, joint: str, stiffness: float, damping: float, free: float = 0.0) -> None:
-        """Add a spring and damper of a joint, `free` away from the start without force."""
+        """Add a spring and damper of a joint, free of force at `free` [rad, m] from the start."""
         if stiffness or damping:
             self.twists[f'{joint}_spring'] = {joint: 1.0}, stiffness, damping, free, ''
 
@@ -112,13 +112,13 @@ class Robot:
         self.notes += [f'{joint}: {_LEFT_OUT[x]}' for x, has in properties.items() if has]
 
     def blueprint(self) -> Blueprint:
-        """The machine in its plane."""
+        """The planar machine."""
         self._merge_fixed()
         self._drop_frames()
         return _Plane(self).blueprint()
 
     def _merge_fixed(self) -> None:
-        """Make one of bodies that are fixed to each other, in the frame of that which has mass."""
+        """Merge bodies that are fixed to each other, in the frame of the one with mass."""
         while fixed := next((j for j in self.joints if j.kind == 'fixed'), None):
             self.joints.remove(fixed)
             parent, child = self.bodies[fixed.parent], self.bodies[fixed.child]
@@ -142,7 +142,7 @@ class Robot:
                 ]
 
     def _drop_frames(self) -> None:
-        """Take out frames between two joints: hinges in line, and slides that leave all free."""
+        """Remove frames between two joints: coaxial hinges, and slides that leave a body free."""
         for name in [b.name for b in self.bodies.values() if b.frame and b.name != WORLD]:
             before = [j for j in self.joints if j.child == name]
             after = [j for j in self.joints if j.parent == name]
@@ -166,12 +166,12 @@ class Robot:
 
 
 def _spring(name: str) -> str:
-    """The name of a spring in a scene, without the section by which exports name it."""
+    """The name of a spring in a scene, without the section name that exports add."""
     return named(name.removeprefix('springs.'))
 
 
 def _moved(joint: RobotJoint, kept: str, gone: str, turn: Array, at: Array) -> RobotJoint:
-    """A joint of a body that is now part of another, where it lies so."""
+    """A joint of a body that has been merged into another at this pose."""
     if joint.parent == gone:
         back = turn @ joint.turn
         joint = replace(joint, parent=kept, on_parent=at + turn @ joint.on_parent, turn=back)
@@ -184,7 +184,7 @@ def _moved(joint: RobotJoint, kept: str, gone: str, turn: Array, at: Array) -> R
 
 
 def add_mass(kept: RobotBody, gone: RobotBody, turn: Array, at: Array) -> None:
-    """Add the mass of a body that lies so in another, after Steiner."""
+    """Add the mass of a body at a pose in another, by the parallel axis theorem."""
     if not gone.mass:
         return
     centre, inertia, mass = at + turn @ gone.cog, turn @ gone.inertia @ turn.T, kept.mass
@@ -201,7 +201,7 @@ def _about(inertia: Array, mass: float, off: Array) -> Array:
 
 
 class _Plane:
-    """The plane in which a robot moves, and what is in it."""
+    """The plane in which a robot moves, and its contents."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -209,7 +209,7 @@ class _Plane:
         ways = {j.name: robot.bodies[j.child].turn @ j.axis for j in robot.joints}
         if hinges:
             normal, which = ways[hinges[0].name], f'in which {hinges[0].name} turns'
-        else:  # guides alone lie in a plane, at best in that of x and y
+        else:  # guides only: their plane, preferably that of x and y
             if not any(j.kind == 'prismatic' for j in robot.joints):
                 raise InputError('there is no revolute joint: this is not a planar machine')
             off = np.abs([*ways.values()]).max(axis=0)
@@ -295,7 +295,7 @@ class _Plane:
         for link, (body, at) in zip(ends, points, strict=True):
             made.links[link].points[name] = self._on(bodies[body], at)
         more: dict[str, float] = {}
-        if joint.kind == 'slot':  # of the child, along its axis; the pin is on the parent
+        if joint.kind == 'slot':  # slot of the child, along its axis; pin of the parent
             x, y = self._flat(joint.axis)
             more = {'axis': math.atan2(y, x)}
         elif joint.kind == 'prismatic':
@@ -306,7 +306,7 @@ class _Plane:
         made.join(name, joint.kind, *((link, name) for link in ends), **keys)
 
     def _weights(self, factors: Mapping[str, float]) -> dict[str, float]:
-        """A sum of joint coordinates as one of angles of bodies; nothing if a joint slides."""
+        """Factors of angles of bodies in a sum of joint coordinates; empty if a joint slides."""
         joints = {j.name: j for j in self._robot.joints}
         found: dict[str, float] = {}
         for name, factor in factors.items():
@@ -319,7 +319,7 @@ class _Plane:
         return found
 
     def _ratio(self, made: Blueprint, name: str, weights: Mapping[str, float]) -> None:
-        """A sum of angles that stays what it is: a ratio of two of them, against their carrier."""
+        """Add a constant sum of angles as a ratio of two of them, relative to their carrier."""
         moving = {b: w for b, w in weights.items() if abs(w) > 1e-12 and b != WORLD}
         carrier = WORLD
         if len(moving) == 3 and abs(sum(moving.values())) < 1e-9:
@@ -351,7 +351,7 @@ class _Plane:
         law: Sequence[float],
         side: str,
     ) -> None:
-        """A spring of a sum of joint coordinates: between two links, or along a guide."""
+        """Add a spring of a sum of joint coordinates: between two links, or along a guide."""
         stiffness, damping, off = law
         weights = {b: w for b, w in self._weights(factors).items() if abs(w) > 1e-12}
         slides = [j for j in self._robot.joints if [j.name] == [*factors] and not weights]
@@ -381,7 +381,7 @@ class _Plane:
         }  # fmt: skip
 
     def _drive(self, made: Blueprint, factors: Mapping[str, float], speed: float) -> None:
-        """A drive by the speed of a sum of joint coordinates: that of one link, on the ground."""
+        """Add a drive by the speed of a sum of joint coordinates: that of a link on the ground."""
         weights = {b: w for b, w in self._weights(factors).items() if w and b != WORLD}
         guide = next((j for j in self._robot.joints if [j.name] == [*factors]), None)
         if len(weights) == 1:

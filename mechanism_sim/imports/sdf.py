@@ -16,7 +16,7 @@ from mechanism_sim.imports.robot import KINDS, Robot, RobotBody, RobotJoint
 
 
 def read(path: Path, text: str, _unit: str | None) -> Blueprint:
-    """The machine of the one model of an SDF, which is in metres."""
+    """The machine of the single model of an SDF file, in metres."""
     root = parse(path.name, text, 'sdf')
     models = list(root.iter('model'))
     if len(models) != 1:
@@ -43,19 +43,19 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
 
 
 class SdfFrames:
-    """Poses of links, joints and frames of a model by name, whatever they are relative to."""
+    """World poses of links, joints and frames of a model by name."""
 
     def __init__(self, model: Element, version: str = '') -> None:
         if (other := _relative(model)) not in ('', 'world') or model.get('placement_frame'):
             other = other or str(model.get('placement_frame'))
             raise InputError(f"the pose of the model is that of '{other}': move the model itself")
-        self.old = version in ('1.0', '1.2', '1.3', '1.4')  # axes were in the frame of the model
+        self.old = version in ('1.0', '1.2', '1.3', '1.4')  # axes in the frame of the model
         self._poses = {'world': (np.eye(3), np.zeros(3)), '__model__': _pose(model)}
         self._parts = {str(x.get('name')): x for x in model if x.tag in _FRAMES}
         self._begun: set[str] = set()
 
     def pose(self, name: str) -> tuple[Array, Array]:
-        """Rotation (3, 3) and place (3,) in the world."""
+        """Rotation (3, 3) and position (3,) [m] in the world."""
         if name not in self._poses:
             part = self._parts.get(name)
             if part is None or name in self._begun:
@@ -68,13 +68,13 @@ class SdfFrames:
         return self._poses[name]
 
     def link(self, name: str) -> str:
-        """The link with which a frame moves."""
+        """The link to which a frame is attached."""
         part = self._parts.get(name)
         return name if part is None or part.tag == 'link' else self.link(self._above(part))
 
     @staticmethod
     def _above(part: Element) -> str:
-        """The frame in which a pose is that does not say it."""
+        """The default reference frame of a pose."""
         if part.tag == 'joint':
             return _text(part, 'child')
         return (part.get('attached_to') if part.tag == 'frame' else '') or '__model__'
@@ -82,11 +82,11 @@ class SdfFrames:
 
 _GRAVITY = '0 0 -9.8'
 _FRAMES = 'link', 'joint', 'frame'
-_ENDLESS, _NO_LIMIT = 1e15, ('', 'inf', 'infinity')  # limits that are none
+_ENDLESS, _NO_LIMIT = 1e15, ('', 'inf', 'infinity')  # infinite limits
 
 
 def join(robot: Robot, joint: Element, frames: SdfFrames | None = None) -> None:
-    """Add a joint between bodies that are where they are at the start."""
+    """Add a joint between bodies at their start poses."""
     name, kind = str(joint.get('name')), str(joint.get('type'))
     ends = [_text(joint, side) for side in ('parent', 'child')]
     parent, child = (robot.bodies.get(frames.link(x) if frames else x) for x in ends)
@@ -143,7 +143,7 @@ def inertia_of(part: Callable[[str], str | None], diagonal: float = 0.0) -> Arra
 
 
 def _body(link: Element) -> RobotBody:
-    """A link; what it does not say of its mass and inertia is 1."""
+    """A link; missing mass and moments of inertia are 1."""
     body = RobotBody(str(link.get('name')))
     given = link.find('inertial')
     given = Element('inertial') if given is None else given
@@ -155,7 +155,7 @@ def _body(link: Element) -> RobotBody:
 
 
 def _pose(element: Element) -> tuple[Array, Array]:
-    """Rotation (3, 3) and place (3,) in the frame to which they relate."""
+    """Rotation (3, 3) and position (3,) [m] in the reference frame."""
     pose, text = element.find('pose'), _text(element, 'pose')
     if pose is not None and pose.get('rotation_format') == 'quat_xyzw' and text:
         found = numbers(text, 7)
@@ -166,7 +166,7 @@ def _pose(element: Element) -> tuple[Array, Array]:
 
 
 def _relative(element: Element) -> str:
-    """The frame to which a pose relates, if it says it; before version 1.7 by another name."""
+    """The reference frame of a pose, if stated; before version 1.7 by another name."""
     pose = element.find('pose')
     return '' if pose is None else pose.get('relative_to', pose.get('frame', ''))
 

@@ -15,27 +15,27 @@ from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.imports.blueprint import unit_of
 from mechanism_sim.imports.markup import number, numbers, parse
 
-_STEPS = np.linspace(0.0, 1.0, 257)[1:]  # of a curve
+_STEPS = np.linspace(0.0, 1.0, 257)[1:]  # parameters of points of a curve
 _NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?')
 _TOKEN = re.compile(rf'[\s,]*(?:([MmLlHhVvCcSsQqTtAaZz])|({_NUMBER.pattern}))')
 _FLAG = re.compile(r'[\s,]*()([01])')
 _COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 7, 'z': 0}
-_SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them end
+_SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # curves that continue the previous tangent
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
 _PAPER = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72.0}  # [mm]
 _PIXEL = 25.4 / 96.0  # [mm]
-_DEEPEST, _MOST = 100, 100_000  # groups in each other; shapes and groups, with those of clones
+_DEEPEST, _MOST = 100, 100_000  # nested groups; shapes and groups, clones included
 
 Found = tuple[str, Array, tuple[float, float] | None, float, bool]
 """Layer, points (n, 2), centre and radius of a circle, and True if it is closed."""
 
 
 def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
-    """The unit of the lengths that follow, and the curves of a drawing.
+    """Unit of lengths, and the curves of a drawing.
 
     Parameters
     ----------
-    told : the unit of its own lengths, if it has no size on paper; 96 pixels are an inch if not
+    told : unit of user lengths of a drawing without a size on paper; else 96 pixels an inch
     """
     root = parse(file, text, 'svg')
     sizes = [_LENGTH.fullmatch(root.get(key) or '') for key in ('width', 'height')]
@@ -47,11 +47,11 @@ def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
 
 
 def _scales(root: Element, sizes: list[re.Match[str] | None]) -> tuple[float, float]:
-    """Lengths [mm] of a unit of its own, across and upwards (SVG 1.1, 7.8).
+    """Lengths [mm] of a user unit, across and upwards (SVG 1.1, 7.8).
 
     Parameters
     ----------
-    sizes : width and height as they are given, and their units
+    sizes : width and height as stated, and their units
     """
     box = numbers(root.get('viewBox'), 4)[2:].tolist()
     found = [
@@ -80,7 +80,7 @@ def _walk(
     known: Mapping[str, Element],
     budget: Iterator[int],
 ) -> Iterator[Found]:
-    """Curves of elements that are shown; `known` are all by their ids, which clones refer to."""
+    """Curves of visible elements; `known` are all elements by id, to which clones refer."""
     if depth > _DEEPEST:
         raise InputError(f'groups nested more than {_DEEPEST} deep')
     for child in elements:
@@ -93,7 +93,7 @@ def _walk(
         if child.tag in ('g', 'svg', 'a'):
             yield from _walk(child, own, name or layer, depth + 1, known, budget)
             continue
-        if child.tag == 'use':  # a clone, which keeps the name of its own group
+        if child.tag == 'use':  # a clone has the name of its own group
             link = next((v for k, v in child.attrib.items() if k.endswith('href')), '')
             if (target := known.get(link.removeprefix('#'))) is None:
                 raise InputError(f'the clone of {quoted(link)} has no original in the drawing')
@@ -124,7 +124,7 @@ def _round(element: Element, frame: Array, layer: str) -> Found:
 
 
 def _own(text: str | None) -> float:
-    """A length of a shape, in the drawing's own unit."""
+    """A length of a shape, in user units of the drawing."""
     own = (text or '').strip()
     if own and not _NUMBER.fullmatch(own):
         raise InputError(f"'{own}' is the length of a shape: give a number without % or unit")
@@ -132,7 +132,7 @@ def _own(text: str | None) -> float:
 
 
 def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
-    """Curves of a shape, and True of those that are closed whatever is beside them."""
+    """Curves of a shape, each with True if it is closed by itself."""
     get = element.get
     if element.tag == 'rect':
         yield _rectangle(element), True
@@ -149,10 +149,10 @@ def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
 
 
 def _rectangle(element: Element) -> Array:
-    """The four sides, between which corners are rounded by quarters of ellipses."""
+    """The four sides, with corners rounded by quarters of ellipses."""
     x, y, w, h = (_own(element.get(key)) for key in ('x', 'y', 'width', 'height'))
     radii = [element.get(key, 'auto') for key in ('rx', 'ry')]
-    own = [r for r in radii if r != 'auto']  # of the other where it is not given
+    own = [r for r in radii if r != 'auto']  # a missing radius equals the other
     rx, ry = (_own(r if r != 'auto' else own[0] if own else '0') for r in radii)
     rx, ry = (min(max(rx, 0.0), 0.5 * w), min(max(ry, 0.0), 0.5 * h))
     if not rx or not ry:
@@ -171,10 +171,10 @@ def _rectangle(element: Element) -> Array:
 
 
 def _paths(text: str) -> Iterator[list[complex]]:
-    """The parts of the data of a path, of which closed ones end where they begin."""
+    """Subpaths of the data of a path; closed ones end at their first point."""
     place, before = 0j, ''
     points: list[complex] = []
-    handle = 0j  # for a smooth curve after one of its kind
+    handle = 0j  # for a smooth curve after one of the same kind
     for command, values in _commands(text):
         kind, last = command.lower(), before
         before = kind
@@ -229,7 +229,7 @@ def _commands(text: str) -> Iterator[tuple[str, list[float]]]:
             values.append(float(found[2]))
             at = found.end()
         yield command, values
-        command = {'m': 'l', 'M': 'L'}.get(command, command)  # lines follow without their letter
+        command = {'m': 'l', 'M': 'L'}.get(command, command)  # lines may follow without a letter
 
 
 def _bezier(control: list[complex]) -> list[complex]:

@@ -1,7 +1,7 @@
 """URDF of planar machines: trees of joints, and loops as this package and URDF+ write them.
 
 A `loop` has a predecessor and a successor with their origins, a `state` the coordinates at the
-start; other readers pass over both.
+start; other readers ignore both.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mechanism_sim.imports.sdf import inertia_of, join
 
 
 def read(path: Path, text: str, _unit: str | None) -> Blueprint:
-    """The machine of a URDF, which is in metres."""
+    """The machine of a URDF file, in metres."""
     root = parse(path.name, text, 'robot')
     robot = Robot(root.get('name') or path.stem)
     for link in root.findall('link'):
@@ -50,7 +50,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
         axis = numbers(_find(loop, 'axis', 'xyz'), 3) if loop.find('axis') is not None else _Z
         kind = {**KINDS, 'slot': 'slot'}.get(loop.get('type', 'revolute'), 'revolute')
         robot.joints.append(RobotJoint(_name(loop), kind, one, other, at, there, axis))
-    for joint in root.findall('gazebo/joint'):  # as Gazebo's tutorial of loops has it
+    for joint in root.findall('gazebo/joint'):  # as in Gazebo's tutorial on loops
         join(robot, joint)
     for held in root.findall('coupling'):
         ratio = number(_find(held, 'ratio', 'value'), 1.0)
@@ -61,11 +61,11 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
 
 
 _Z = np.array([0.0, 0.0, 1.0])
-_ENDLESS = 1e12  # [N] that exports give to guides whose limits are none
+_ENDLESS = 1e12  # [N] limit in exports for guides without limits
 
 
 def _positions(root: Element) -> dict[str, float]:
-    """Positions of all joints at the start [rad, m]; one may follow another by a chain."""
+    """Positions of all joints at the start [rad, m]; mimic joints may form a chain."""
     state = {x.get('joint'): number(x.get('position')) for x in root.findall('state/joint_state')}
     joints = {_name(joint): joint for joint in root.findall('joint')}
 
@@ -82,7 +82,7 @@ def _positions(root: Element) -> dict[str, float]:
 
 
 def _carry(robot: Robot, joint: Element, state: dict[str, float]) -> None:
-    """A joint, and where the link that it carries is."""
+    """Add a joint, and the pose of the link that it carries."""
     name, kind = _name(joint), KINDS.get(joint.get('type', ''))
     parent, child = (robot.bodies[_end(joint, side)] for side in ('parent', 'child'))
     if kind is None:
@@ -92,7 +92,7 @@ def _carry(robot: Robot, joint: Element, state: dict[str, float]) -> None:
     axis /= np.linalg.norm(axis) or 1.0
     mimic, value = joint.find('mimic'), state[name]
     robot.resist(name, 0.0, number(_find(joint, 'dynamics', 'damping')))
-    effort = number(_find(joint, 'limit', 'effort'))  # a continuous joint has no other limits
+    effort = number(_find(joint, 'limit', 'effort'))  # the only limit of a continuous joint
     robot.leave_out(
         name,
         limits=joint.get('type') in ('revolute', 'prismatic') and effort < _ENDLESS,
@@ -126,7 +126,7 @@ def _fixed(name: str, parent: str, child: str) -> RobotJoint:
 
 
 def _origin(element: Element) -> tuple[Array, Array]:
-    """Rotation (3, 3) and place (3,) of an origin."""
+    """Rotation (3, 3) and position (3,) [m] of an origin."""
     turn = turned(*numbers(_find(element, 'origin', 'rpy'), 3))
     return turn, numbers(_find(element, 'origin', 'xyz'), 3)
 

@@ -1,1 +1,1 @@
-"""Keys of scene files: quantities with units, names of links, kinds that register."""
+"""Keys of scene files: quantities with units, names of links, registered kinds."""

@@ -41,19 +41,19 @@ class StationPart(Part):
 
     @property
     def shape(self) -> Shape:
-        """Shape of the section, by the sizes that are given."""
+        """Shape of the section, by its given sizes."""
         return 'circle' if self.diameter else 'rectangle' if self.width else 'any'
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """Sizes of the section, as `mechanism_sim.planar.beam_sections.geometry` expects them."""
+        """Sizes of the section, for `mechanism_sim.planar.beam_sections.geometry`."""
         if self.shape == 'any':
             return self.area or 0.0, self.second_moment or 0.0, self.outer_fibre or 0.0
         return tuple(x for x in (self.width, self.height, self.diameter) if x)
 
     @property
     def given(self) -> tuple[str, ...]:
-        """The sizes that are given, by name."""
+        """Given sizes by name."""
         return tuple(x for x in StationPart.model_fields if getattr(self, x) is not None)
 
     @model_validator(mode='after')
@@ -96,7 +96,7 @@ class SectionPart(Part):
 
     @property
     def first(self) -> StationPart:
-        """The section where the link starts."""
+        """The section at the start of the link."""
         if self.points:
             return self.points[0][1]
         return StationPart(width=self.width, height=self.height, diameter=self.diameter)
@@ -163,7 +163,7 @@ class ElasticPart(Part):
 
     @property
     def matter(self) -> tuple[float, float | None]:
-        """Young's modulus [Pa], and density [kg/m^3] if it is said."""
+        """Young's modulus [Pa], and density [kg/m^3] if stated."""
         modulus, density = MATERIALS[self.material] if self.material else (None, None)
         modulus = self.youngs_modulus or modulus
         assert modulus  # noqa: S101 - one of them is given
@@ -172,7 +172,7 @@ class ElasticPart(Part):
     def geometry(self, length: float) -> tuple[Taper | None, float, float, float | None]:
         """Taper of a link of a length [m], None if uniform, and its mean section.
 
-        That is area [m^2], second moment [m^4], and the largest outer fibre [m] if it is known.
+        The section is area [m^2], second moment [m^4], and largest outer fibre [m] if known.
         """
         if self.section is None:
             return None, self.area or 0.0, self.second_moment or 0.0, self.outer_fibre

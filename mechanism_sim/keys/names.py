@@ -16,12 +16,12 @@ RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
 
 
 class SceneError(InputError):
-    """A refusal that begins with the name of its scene."""
+    """An error whose message begins with the name of its scene."""
 
 
 @contextmanager
 def scene_errors(name: str) -> Iterator[None]:
-    """Refusals within begin with the name of the scene, so that no sentence needs to."""
+    """Prefix the messages of errors inside with the name of the scene."""
     try:
         yield
     except SceneError:
@@ -31,12 +31,12 @@ def scene_errors(name: str) -> Iterator[None]:
 
 
 def listed(names: str | Iterable[Any] | None) -> list[Any]:
-    """Names, or other texts, of which one alone needs no list."""
+    """Names or other texts in a list; a single one as it is."""
     return [names] if isinstance(names, str) else [] if names is None else [*names]
 
 
 def check_link_name(link: str) -> None:
-    """Refuse names of links that are none, or that formulas know otherwise."""
+    """Refuse invalid names of links, and those with a meaning in formulas."""
     if not link.isidentifier() or link in RESERVED:
         raise InputError(
             f"links.{link}: the name '{link}' cannot be used; names are letters, digits "
@@ -45,13 +45,13 @@ def check_link_name(link: str) -> None:
 
 
 class Names:
-    """The references of one scene; `where` is the key that asks.
+    """The references of a scene; `where` is the key that refers.
 
     Attributes
     ----------
     scene : the scene
-    links : the moving ones
-    points : named points of all links, in their frames [m]
+    links : names of the moving links
+    points : named points by link, in its frame [m]
     """
 
     def __init__(self, scene: Any) -> None:
@@ -106,7 +106,7 @@ class Names:
         return self.shaft(where, link)[1:]
 
     def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
-        """The joint in which a link turns on another, and where on that and on itself [m]."""
+        """The revolute joint of a link on another, and its points on that and on itself [m]."""
         for name, joint in self.scene.joints.items():
             if not joint.revolute:
                 continue
@@ -122,7 +122,7 @@ class Names:
         raise InputError(f'{where}: {link} must turn on {other}: add a revolute joint of both')
 
     def coordinate(self, where: str, name: str) -> str:
-        """The name of a coordinate, which is that of a moving link."""
+        """The name of a coordinate, equal to that of a moving link."""
         link, _, axis = name.partition('.')
         if link in self.links and axis in ('x', 'y'):
             raise InputError(
@@ -136,7 +136,7 @@ class Names:
     def measure(
         self, where: str, measure: QuantityValue, straight: bool, units: tuple[str, str]
     ) -> float:
-        """A quantity in the first of the units if it is of an angle, else in the second."""
+        """A quantity in the first unit for an angle, else in the second."""
         wanted = units[straight]
         if measure.unit not in ('', wanted):
             raise InputError(

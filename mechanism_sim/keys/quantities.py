@@ -1,6 +1,6 @@
-"""Quantities that files may hold: units, bounds, and the base of all parts.
+"""Quantities in files: units, bounds, and the base of all parts.
 
-Values arrive as people write them (``64 mm``) and are kept in SI units.
+Values are read with units (``64 mm``) and stored in SI units.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from mechanism_sim.units import EXAMPLES, QuantityValue, plain, resolved, to_si,
 
 @dataclass(frozen=True)
 class UnitValue:
-    """An annotation of fields: what people write is read before it is checked.
+    """An annotation of fields: values with units are converted before validation.
 
     Attributes
     ----------
-    read : makes a number of what a file says
-    units : SI units, one of which it is in; empty for a plain number
-    other : what else may stand there, in words
-    pair : whether a list of two may stand there
+    read : function that converts a value of a file to a number
+    units : possible SI units; empty for a plain number
+    other : description of other allowed values
+    pair : True if a list of two is allowed
     """
 
     read: Callable[[Any], Any]
@@ -60,12 +60,12 @@ class UnitValue:
 
 
 def si(unit: str) -> UnitValue:
-    """Text with a unit, or a number, becomes a number in `unit`."""
+    """Conversion of text with a unit, or of a number, to a number in `unit`."""
     return UnitValue(lambda value: to_si(value, unit), (unit,))
 
 
 def si_of(*units: str) -> UnitValue:
-    """A quantity of one of several kinds, which the place it belongs to decides."""
+    """A quantity of one of several kinds, depending on its context."""
     return UnitValue(lambda value: to_si_of(value, units), units)
 
 
@@ -94,12 +94,12 @@ def one_or_two(unit: str, other: str, least: float = -math.inf) -> UnitValue:
 
 
 def si_or_point(point: str, *units: str) -> UnitValue:
-    """A quantity as `si_of` has it, or [x, y] of a point in another unit."""
+    """A quantity as in `si_of`, or [x, y] of a point in another unit."""
 
     def read(value: Any) -> Any:
         said = value if isinstance(value, QuantityValue) else plain(value)
         alone = isinstance(said, QuantityValue) or not isinstance(said, list | tuple)
-        if alone or (len(said) == 2 and said[1] in ('', *units)):  # as JSON has a quantity
+        if alone or (len(said) == 2 and said[1] in ('', *units)):  # a quantity in JSON
             return to_si_of(said, units)
         if len(said) != 2:
             raise ValueError('must be one quantity, or the two of a point: write [x, y]')
@@ -155,7 +155,7 @@ FROM_FILE = 'file', 'columns', 'units'
 
 
 def named_file(value: object) -> str:
-    """Advice on how to name a file, if a value is the name of one; else empty."""
+    """Advice on how to refer to a file, if a value is the name of one; else empty."""
     named = isinstance(value, str) and re.search(r'\.(csv|txt|tsv|dat|dxf)$', value, re.IGNORECASE)
     return f': write {{file: {value}}}' if named else ''
 
@@ -166,17 +166,17 @@ Kind = TypeVar('Kind', bound='Part')
 class Part(BaseModel):
     """Base of all parts of a scene: unknown keys are refused.
 
-    A key with nothing behind it is as good as left out.
+    A key without a value has no effect.
     """
 
-    #: words of other books and programs for its keys and their values, and what is written here
+    #: keys and values here by terms of other books and programs
     other_words: ClassVar[Mapping[str, str]] = {}
-    #: its name with nothing behind it is one of its kind, as of a link, and not left out
+    #: True if a name without a value is a part of this kind, as for a link
     by_name_alone: ClassVar[bool] = False
-    #: keys by which a file gives its points, or edges, see `scene.table_keys.with_files`
+    #: keys of files with its points or edges, see `scene.table_keys.with_files`
     of_files: ClassVar[tuple[str, ...]] = ()
 
-    # only that of a whole scene is built, when first asked for: a fifth of the start of a process
+    # only that of a whole scene is built, on first use: a fifth of the start of a process
     model_config = ConfigDict(
         extra='forbid', frozen=True, json_schema_extra=_describe, defer_build=True
     )
@@ -189,7 +189,7 @@ class Part(BaseModel):
         if not isinstance(data, dict):
             return data
         data = {key: plain(value) for key, value in data.items()}
-        empty = [  # `in` would compare arrays
+        empty = [  # `in` would compare arrays elementwise
             k for k, v in data.items()
             if v is None or (type(v) is dict and any(x is None for x in v.values()))
         ]  # fmt: skip
@@ -205,34 +205,34 @@ class Part(BaseModel):
 
     @classmethod
     def keys_for(cls, data: Any) -> list[str]:
-        """The keys that may stand beside those of `data`: of its kind, if there are several."""
+        """The keys allowed beside those of `data`: those of its kind, if there are several."""
         return [field.alias or name for name, field in cls.model_fields.items()]
 
     def as_kind(self, kind: type[Kind]) -> Kind:
-        """A copy as one of a kind alone, of a class that extends all kinds.
+        """A copy as a part of a single kind, from a class that extends all kinds.
 
-        There methods of one kind could be those of another, and `super` is the next kind.
+        In that class methods of kinds could override each other, and `super` is the next kind.
         """
         own = {key: getattr(self, key) for key in kind.model_fields}
         return kind.model_construct(self.model_fields_set & own.keys(), **own)
 
     def to_document(self, **which: Any) -> dict[str, Any]:
-        """Keys and values in SI units as a file gives them, so that they can be read again.
+        """Keys and values in SI units in the form of a file, so that they can be read again.
 
-        Everything that writes parts of a scene out does it by this method: the keys of a file are
+        All writers of parts of a scene use this method: the keys of a file are
         not always the names of fields (``from`` is no name in Python).
 
         Parameters
         ----------
-        which : `include`, `exclude`, `exclude_unset` of pydantic
+        which : `include`, `exclude` or `exclude_unset` of pydantic
         """
         return self.model_dump(by_alias=True, **which)
 
 
 def _without_empty_names(named: dict[str, Any], kind: Any) -> dict[str, Any]:
-    """Values by name without empty ones, but for parts whose name alone says something."""
+    """Values by name without empty ones, except parts with a meaning by name alone."""
     of = get_args(kind)[-1] if get_origin(kind) is dict else Any
-    if of is Any:  # by paths of overrides, which leave out what is behind them
+    if of is Any:  # paths of overrides have no values behind them
         return named
     if isinstance(of, type) and issubclass(of, Part) and of.by_name_alone:
         return named
@@ -241,9 +241,9 @@ def _without_empty_names(named: dict[str, Any], kind: Any) -> dict[str, Any]:
 
 @cache
 def meanings(part: type[Part]) -> dict[str, str]:
-    """Meanings of the keys of a part, by the text that stands below each in the source.
+    """Meanings of the keys of a part, from the text below each in the source.
 
-    Pydantic could read them, too (``use_attribute_docstrings``), but would at every start.
+    Pydantic could read them, too (``use_attribute_docstrings``), but at every start.
     """
     found: dict[str, str] = {}
     for base in reversed([c for c in part.__mro__ if issubclass(c, Part) and c is not Part]):

@@ -1,4 +1,4 @@
-"""Kinds of joints, loads and sensors, each in a file of its own that makes it known."""
+"""Kinds of joints, loads and sensors, each in a file of its own that registers it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Kind = TypeVar('Kind')
 
 
 class Registry(dict[str, Kind]):
-    """Kinds by name, in the order of names."""
+    """Kinds by name, in alphabetical order."""
 
     def add(self, name: str) -> Callable[[Kind], Kind]:
-        """Make a class of keys known by the name of its kind."""
+        """Register a class of keys under the name of its kind."""
 
         def known(keys: Kind) -> Kind:
             self[name] = keys
@@ -25,7 +25,7 @@ class Registry(dict[str, Kind]):
     def load(
         self, package: str, path: Iterable[str], module: str = '', *, backwards: bool = False
     ) -> None:
-        """Import files of a package, or `module` of its folders, which make kinds known."""
+        """Import files of a package, or `module` of its folders, which register kinds."""
         for found in iter_modules(path):
             if found.ispkg or not module:
                 import_module('.'.join(filter(None, (package, found.name, module))))

@@ -89,7 +89,7 @@ class NominalRun:
     Attributes
     ----------
     steps, events : number of pieces, and 0
-    timed : whether loads depend on time itself: then no piece of a slow drive is longer
+    timed : True if loads depend on time itself: then no piece of a slow drive is longer
     """
 
     events = 0

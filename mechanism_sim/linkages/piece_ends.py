@@ -135,7 +135,7 @@ class LoadCuts:
 
     Attributes
     ----------
-    varied : whether loads follow from more than positions and rates
+    varied : True if loads follow from more than positions and rates
     """
 
     def __init__(
@@ -277,7 +277,7 @@ class HiddenEdges:
 
     Parameters
     ----------
-    guards : of the switches
+    guards : guards of the switches
     coordinates : their names in the order of those of pieces
     parameters : values of ``par[]``
     """

@@ -111,7 +111,7 @@ class SpringLaw:
         ----------
         key : with which the names of its parameters begin
         x, rate : elongation and its rate
-        own : what formulas call them
+        own : their names in formulas
         """
         total = add(self._stored(frames, key, x), self._taken(frames, key, rate, own))
         if not self.side or total is None:

@@ -21,7 +21,7 @@ class Kind:
 
     Attributes
     ----------
-    topic : of its states
+    topic : topic of its states
     message : their class; its fields are those of a reading, after header, time and joint
     """
 

@@ -1,4 +1,4 @@
-"""Arguments of a command line: of ours, and those that are meant for ROS."""
+"""Arguments of a command line: those of this program, and those for ROS."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Help formatter that states the defaults worth stating."""
+    """Help formatter that states informative defaults only."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         if action.default in (None, False, '', []) or action.default is argparse.SUPPRESS:
@@ -24,12 +24,12 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class Once(argparse.Action):
-    """Stores the value of an option that takes one; a second value is refused, not the last taken.
+    """Action that stores the value of an option and refuses a second one.
 
-    Options that may be repeated say so by ``action='append'`` or ``'extend'``.
+    Repeatable options have ``action='append'`` or ``'extend'``.
     """
 
-    _filled: argparse.Namespace | None = None  # by the last command line that was read
+    _filled: argparse.Namespace | None = None  # namespace of the last command line read
 
     def __call__(
         self,
@@ -43,7 +43,7 @@ class Once(argparse.Action):
         Raises
         ------
         argparse.ArgumentError
-            If there is one already.
+            If it has a value already.
         """
         if option_string is not None and self._filled is namespace:
             first = getattr(namespace, self.dest)
@@ -55,7 +55,7 @@ class Once(argparse.Action):
 
 
 class Parser(argparse.ArgumentParser):
-    """Answers what it cannot read by one sentence, with the nearest word that exists."""
+    """Parser with one-sentence errors that name the nearest existing word."""
 
     def __init__(self, **more: Any) -> None:
         super().__init__(**more, allow_abbrev=False, formatter_class=_Formatter)
@@ -77,16 +77,16 @@ class Parser(argparse.ArgumentParser):
             (r': not allowed with argument (.*)', r' and \1 exclude each other: keep one'),
         ):
             message = re.sub(pattern, words, message)
-        # the command, where there are several
+        # the command, if there are several
         _, _, command = self.prog.partition(' ')
         raise InputError(f'{command}: {message}' if command else message)
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
-        """Print the help; that of argparse is silent where the output is full."""
+        """Print the help; argparse would ignore a full output."""
         (file or sys.stdout).write(self.format_help())
 
     def refuse(self, rest: Sequence[str]) -> NoReturn:
-        """Refuse arguments that nothing takes; raises `InputError`, as `error` does."""
+        """Refuse unknown arguments; raises `InputError`, as `error` does."""
         word, options = rest[0], self._option_string_actions
         name = word.partition('=')[0]
         if name.startswith('-'):
@@ -103,7 +103,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def is_given(self, options: argparse.Namespace, name: str) -> bool:
-        """True if an option has another value than it has without being given."""
+        """True if an option has another value than its default."""
         action = self._option_string_actions[f'--{name}']
         return bool(getattr(options, action.dest) != action.default)
 
@@ -117,7 +117,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Arguments for us and for ROS: from ``--ros-args`` on, up to ``--`` if there is one."""
+    """Arguments of this program, and those for ROS: from ``--ros-args`` to ``--`` or the end."""
     own: list[str] = []
     ros: list[str] = []
     to: list[str] | None = None

@@ -1,9 +1,9 @@
-"""A word on writes that block, and their end: from outside, as rclpy lets no other thread run.
+"""Warning and end of blocking writes, from another process, since rclpy stops all threads.
 
-DDS blocks in a write while a reliable subscriber that was killed is not known to be gone: for as
+DDS blocks in a write until a killed reliable subscriber is recognised as gone: for as
 long as its lease, 60 s. rclpy holds Python's lock meanwhile, so that this process can neither warn
-nor take in a signal. A small process beside it can: it is told of each write by shared memory, and
-sees signals as bytes in a pipe that nobody takes out.
+nor handle a signal. A small second process can: shared memory shows it each write, and
+signals are bytes in a pipe that remain unread.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ while os.getppid() == parent:
 
 
 class BlockedWrites:
-    """The process that watches the writes of this one.
+    """Process that monitors the writes of this one.
 
     Parameters
     ----------
-    signals : end of a pipe into which a signal puts a byte, which another thread takes out
+    signals : end of a pipe with a byte for each signal, read by another thread
     """
 
     def __init__(self, signals: int) -> None:
@@ -67,7 +67,7 @@ class BlockedWrites:
 
     @contextmanager
     def on(self, topic: str) -> Iterator[None]:
-        """While something is written on a topic."""
+        """Context of a write on a topic."""
         self._number += 1
         _STATE.pack_into(self._state, 0, self._number, topic.encode())
         try:
@@ -77,6 +77,6 @@ class BlockedWrites:
             _STATE.pack_into(self._state, 0, self._number, topic.encode())
 
     def close(self) -> None:
-        """End the process that watches."""
+        """End the monitoring process."""
         self._process.kill()
         self._process.wait()

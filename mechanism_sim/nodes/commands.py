@@ -1,4 +1,4 @@
-"""Commands to the drive while the machine runs: of speed, or of torque or force."""
+"""Commands of speed, torque or force to the drive during a run."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from mechanism_sim.planar.drive import DriveLaw
 PATIENCE = 1.0
 """[s] of wall time after which a state that no command answers is shown again."""
 
-_LOOK = 0.5  # [s] between looks whether time waits for a command, long enough for a node to join
+_LOOK = 0.5  # [s] polling interval for pending commands, long enough for a node to join
 
 
 class DriveCommands:
-    """Takes commands by topic and by parameter; a command holds from where the law is known to.
+    """Commands by topic and by parameter, which hold from the time `announced` of the law.
 
-    A drive with torque, force or motor takes ``effort`` [N m] or [N]: the constant part of its
-    law, of a motor the torque at rest. A drive with a speed takes ``velocity`` [rad/s] if its
+    A drive with torque, force or motor accepts ``effort`` [N m, N]: the constant part of its
+    law, for a motor the torque at rest. A drive with a speed accepts ``velocity`` [rad/s] if its
     scene has ``drive.commands``, and reaches it by a ramp. Each is a topic, ``command/effort`` or
     ``command/velocity`` (std_msgs/Float64), and a parameter.
 
-    With a parameter ``command_period`` [s] > 0 there is one command for each period, and time does
-    not go on without: the first period runs by the scene, the one after the n-th command by that.
-    A controller that answers each state with one command then sees the same run every time. Time
-    begins when there is a controller: a publisher of commands, or a command, as of a program that
-    the graph does not show. What is commanded before holds from 0 on, and is none of the n: a
-    program that nobody sees can but repeat it until it is heard. A controller is no partner: when
-    one leaves, time waits for the command of another, and the log says so. One that comes while
-    time waits is shown the last joint states, see `Newcomers`. A command that comes before its
-    period waits for it: which one holds is a matter of numbers, not of who was faster.
+    With a parameter ``command_period`` [s] > 0 there is one command per period, and time does
+    not advance without it: the first period follows the scene, later ones the command before.
+    A controller that answers each state with one command then gets the same run every time. Time
+    begins with a controller: a publisher of commands, or a command, as from a program that
+    is not in the graph. Earlier commands hold from 0 on, and do not count among the n: a
+    program outside the graph repeats its command until received. A controller is no partner: when
+    one leaves, time waits for the command of another, with a log entry. One that joins while
+    time waits gets the last joint states, see `Newcomers`. A command received before its
+    period is queued: the order of commands decides, not their arrival.
     """
 
     def __init__(self, drive: Drive) -> None:
@@ -49,9 +49,9 @@ class DriveCommands:
         )  # fmt: skip
         self._taken = 0
         self._early: deque[float] = deque()
-        self._since: float | None = None  # [s] of wall time when a controller was first seen
+        self._since: float | None = None  # [s] wall time of the first detection of a controller
         self._begun = False
-        self._held = 0.0, -1.0  # [s] of wall time since when time is held, and where
+        self._held = 0.0, -1.0  # [s] wall time since which simulated time is held, and the latter
         self._name = ''
         commanded = drive.machine.drive.commands
         name, given = commanded_part(law)
@@ -79,7 +79,7 @@ class DriveCommands:
 
     @property
     def horizon(self) -> float:
-        """Time [s] up to which commands are there; 0 until there is a controller."""
+        """Time [s] up to which commands are present; 0 without a controller."""
         if not self._period:
             return math.inf
         if not self._begun:
@@ -96,7 +96,7 @@ class DriveCommands:
         return bool(self._drive.get_publishers_info_by_topic(self._topic))
 
     def begin(self) -> None:
-        """A run begins, or begins anew: as it was launched, or with another value of the scene."""
+        """Start of a run: with values at launch, or with another value of the scene."""
         self._taken = 0
         self._early.clear()
         _, given = commanded_part(self._drive.law)
@@ -118,7 +118,7 @@ class DriveCommands:
 
     @property
     def _unequal(self) -> str:
-        """Describe a difference between the periods of joint states and commands, else empty."""
+        """Sentence on a difference between periods of joint states and commands; else empty."""
         rate = self._drive.machine.scene.outputs.joint_states
         if math.isclose(rate * self._period, 1.0):
             return ''
@@ -128,13 +128,13 @@ class DriveCommands:
         )
 
     def look(self) -> None:
-        """Give the commands that came before their time, if it has come."""
+        """Apply queued commands whose time has come."""
         while self._early and self._drive.announced >= self.horizon:
             self._taken += 1
             self._hold(self._early.popleft())
 
     def _watch(self) -> None:
-        """Report a long wait for a command; show newcomers the state."""
+        """Log a long wait for a command; publish the state for newcomers."""
         drive, (since, at) = self._drive, self._held
         new = self._newcomers.look()
         if not drive.due or drive.announced < self.horizon:
@@ -164,7 +164,7 @@ class DriveCommands:
 
     def _receive(self, message: Any) -> None:
         if abs(message.data) <= self._limit:
-            # The parameter, set to what it is already, then is a command again.
+            # Thus setting the parameter to its present value is a command again.
             self._present = float(message.data)
             self._command(self._present)
         else:
@@ -199,24 +199,24 @@ class DriveCommands:
 
 
 class Newcomers:
-    """Controllers that have come after the last joint states, and wait for some.
+    """Controllers that joined after the last joint states, and wait for some.
 
-    Who was there when time last went on has seen them, and is busy with its command: shown them
-    again it would command twice, and from then on be ahead of its states.
+    Controllers present at the last advance of time have received them, and compute a command:
+    with a repetition they would command twice, and then be ahead of their states.
 
     Parameters
     ----------
-    topic : of the commands
+    topic : topic of the commands
     """
 
     def __init__(self, drive: Drive, topic: str) -> None:
         self._drive, self._topic = drive, topic
-        self._shown: set[Any] = set()  # who has seen the last joint states
-        self._present: set[Any] = set()  # at the last look
-        self._at = drive.run, drive.announced  # at the last look
+        self._shown: set[Any] = set()  # endpoints with the last joint states
+        self._present: set[Any] = set()  # endpoints at the last poll
+        self._at = drive.run, drive.announced  # at the last poll
 
     def look(self) -> bool:
-        """True if there are some, and nobody is just about to join."""
+        """True if there are newcomers, and no endpoint has just joined."""
         at, before = (self._drive.run, self._drive.announced), self._present
         self._present = self._endpoints()
         if at != self._at:
@@ -224,11 +224,11 @@ class Newcomers:
         return self._present == before and not self._present <= self._shown
 
     def show(self) -> None:
-        """All that are there see the joint states."""
+        """Record that all present endpoints receive the joint states."""
         self._shown = self._present = self._endpoints()
 
     def _endpoints(self) -> set[Any]:
-        """Publishers of commands, and by which subscriptions they hear joint states."""
+        """Publishers of commands, and subscriptions of their nodes to joint states."""
         drive = self._drive
         commands = drive.get_publishers_info_by_topic(self._topic)
         nodes = {(info.node_namespace, info.node_name) for info in commands}

@@ -1,7 +1,7 @@
-"""Control of a simulation, its links and worlds, by the standard `simulation_interfaces`.
+"""Control of a simulation, its links and worlds by the standard `simulation_interfaces`.
 
-A reset is an end and a beginning, each acknowledged by every node, because topics have no order
-among each other. A step of the clock cuts no step of the solver.
+A reset is an end and a start, each acknowledged by every node, because topics are not ordered
+relative to each other. A step of the clock cuts no step of the solver.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ ROUNDING = 1e-12
 
 
 class Observable(Protocol):
-    """The integration of a machine, as far as its entities look at it."""
+    """Interface of a machine's integration for its entities."""
 
     @property
     def begun(self) -> bool:
         """True if any motion of the run is known."""
 
     def observe_latest(self) -> tuple[float, Observation]:
-        """The last time [s] up to which the motion is known, and the machine then."""
+        """The last time [s] of the known motion, and the observation of the machine then."""
 
 
 class Links:
-    """The links of a machine, each a dynamic object, as requests name and filter them."""
+    """The links of a machine as dynamic objects, by names and filters of requests."""
 
     def __init__(self, node: SimulationNode) -> None:
         self._node = node
@@ -60,11 +60,11 @@ class Links:
 
     @property
     def names(self) -> list[str]:
-        """Their names."""
+        """Names of the links."""
         return [body.name for body in self._node.machine.mechanism.bodies]
 
     def matching(self, filters: Any, more: Sequence[str] = ()) -> list[str]:
-        """Names of the links that pass the filters, then those of `more`, which are robots."""
+        """Names of the links accepted by filters, then those of `more`, which are robots."""
         wanted = {category.category for category in filters.categories}
         c = self._category
         kinds = (c.CATEGORY_DYNAMIC_OBJECT, self.names), (c.CATEGORY_ROBOT, more)
@@ -76,7 +76,7 @@ class Links:
         ]
 
     def accepted(self, filters: Any, response: Any) -> bool:
-        """True if a filter can be applied; the response says why not."""
+        """True if a filter can be applied; else the response has the reason."""
         r = self._result
         if filters.tags.tags or filters.bounds.type != self._bounds.TYPE_EMPTY:
             reason = 'links have no tags and no bounds: filter by name and category'
@@ -89,7 +89,7 @@ class Links:
         return _is_good(response)
 
     def known(self, link: str, response: Any) -> bool:
-        """True if there is such a link; the response says which there are."""
+        """True if a link exists; else the response lists the links."""
         if link in self.names:
             return _is_good(response)
         reason = f'there is no link {link!r}; known are {", ".join(self.names)}'
@@ -97,7 +97,7 @@ class Links:
 
 
 class EntityNames:
-    """Serves names and kinds of the links, and of the machines that were spawned."""
+    """Services for names and kinds of links and of spawned machines."""
 
     def __init__(self, drive: Drive, machines: Mapping[str, Spawned]) -> None:
         self._drive, self._machines, self._links = drive, machines, Links(drive)
@@ -123,7 +123,7 @@ class EntityNames:
 
 
 class Entities:
-    """Serves states of the links, at the time up to which the motion is known.
+    """Services for states of links, at the end of the known motion.
 
     Without the package `simulation_interfaces` there are no services, see `SimulationControl`.
     """
@@ -133,7 +133,7 @@ class Entities:
         try:
             self._links = Links(node)
         except MessageError:
-            return  # the drive says so
+            return  # logged by the drive
         self._state_class = message_class(f'{SIMULATION}/msg/EntityState')
         answers = {'get_entities_states': self._list_states, 'get_entity_state': self._report}
         serve(node, SIMULATION, answers)
@@ -178,16 +178,16 @@ class Entities:
 
 
 def _is_good(response: Any, reason: str = '', code: int | None = None) -> bool:
-    """Write the result; true if it is good."""
+    """Write the result; True for success."""
     answered(response, reason, code)
     return not reason
 
 
 class Worlds:
-    """Serves the scenes, and changes that of the run.
+    """Services for scenes, and for changing that of the run.
 
-    A scene can be loaded that the nodes of the run can go on with, and a link be put elsewhere at
-    the start. It then holds from time 0 of a new run, which begins stopped.
+    A scene can be loaded if the nodes of the run support it, and a link can be moved at
+    the start. The change holds from time 0 of a new run, which begins stopped.
     """
 
     def __init__(self, drive: Drive, control: SimulationControl) -> None:
@@ -236,7 +236,7 @@ class Worlds:
         return answered(response, reason)
 
     async def _place(self, request: Any, response: Any) -> Any:
-        """Let the next run begin with a link in a pose, and with a velocity."""
+        """Start the next run with a link in a pose, and with a velocity."""
         drive, control, link = self._drive, self._control, request.entity
         if not Links(drive).known(link, response):
             return response
@@ -269,7 +269,7 @@ class Worlds:
         return answered(response, await self._begin(asked) if asked != before else '')
 
     async def _begin(self, content: Content) -> str:
-        """Begin a run of other content, stopped; why it cannot be, empty if it is done."""
+        """Begin a stopped run of other content; returns the reason of a refusal, or ''."""
         drive, control, before = self._drive, self._control, Content.of(self._drive)
         self._set(content)
         drive.pause()
@@ -305,21 +305,21 @@ def _planar_velocity(twist: Any) -> Planar:
 
 
 class SimulationControl:
-    """Features, state, steps and reset of a run, for the node that drives it.
+    """Services for features, state, steps and reset of a run, for the node that drives it.
 
-    Where ROS has no package `simulation_interfaces` these services are missing, and the log says
-    so.
+    Without the package `simulation_interfaces` of ROS these services are missing, with a log
+    entry.
 
     Attributes
     ----------
-    busy : what is under way, such as steps or a reset; empty for nothing
-    stopped : whether the run is at time 0, paused, by a request
+    busy : name of the present operation, such as steps or a reset; else empty
+    stopped : True if a request has paused the run at time 0
     """
 
     def __init__(self, drive: Drive) -> None:
         self._drive, self.busy, self.stopped = drive, '', False
         if drive.value('leader'):
-            return  # a spawned machine does what the simulation does
+            return  # a spawned machine follows the simulation
         try:
             self._features = message_class(f'{SIMULATION}/msg/SimulatorFeatures')
         except MessageError as error:
@@ -328,7 +328,7 @@ class SimulationControl:
         self._result = message_class(f'{SIMULATION}/msg/Result')
         self._state = message_class(f'{SIMULATION}/msg/SimulationState')
         self._origin, self._steps = 0.0, 0
-        # Reports of partners must come through while a callback waits for them.
+        # Reports of partners must be received while a callback waits for them.
         group = ReentrantCallbackGroup()
         answers = {
             'get_simulator_features': self._report_features,
@@ -377,14 +377,14 @@ class SimulationControl:
         return answered(response)
 
     async def _set_state(self, request: Any, response: Any) -> Any:
-        """Play, pause, stop (pause and reset) or quit; answers when all partners are there."""
+        """Play, pause, stop (pause and reset) or quit; the response waits for all partners."""
         s, drive, asked = self._state, self._drive, request.state.state
         if asked == s.STATE_QUITTING and drive.final:
             return answered(response)
         ending = asked in (s.STATE_PAUSED, s.STATE_QUITTING)
         if reason := await self.refusal(during_steps=ending):
             return answered(response, reason)
-        if self.busy:  # steps of an action are announced one by one: no more of them
+        if self.busy:  # steps of an action are announced one by one: stop them
             self.busy = _HALT
         if asked == s.STATE_PLAYING:
             if drive.playing:
@@ -399,7 +399,7 @@ class SimulationControl:
                 return self._already(response, 'paused')
             self.stopped = False
             drive.pause()
-            if drive.announced:  # else partners have not been told of a run, and are at its begin
+            if drive.announced:  # else no run is announced, and partners are at its start
                 await drive.arrive(drive.announced)
         elif asked == s.STATE_STOPPED:
             if self.stopped:
@@ -420,14 +420,14 @@ class SimulationControl:
         return answered(response)
 
     async def _step(self, request: Any, response: Any) -> Any:
-        """Steps of a paused simulation; answers when they are done."""
+        """Steps of a paused simulation; the response follows their completion."""
         steps = int(request.steps)
         if reason := await self.refusal() or self._no_steps(steps):
             return answered(response, reason)
         return answered(response, await self.alone(STEPS, self._go(steps)))
 
     async def _reset(self, request: Any, response: Any) -> Any:
-        """Back to time 0, in a run of its own; what was recorded stays in its bag."""
+        """Reset to time 0, in a new run; the recorded run remains in its bag."""
         scope, both, spawned = int(request.scope) or 255, 3, 4  # SCOPE_TIME and SCOPE_STATE
         if scope & both not in (0, both) or not scope & (both | spawned):
             reason = (
@@ -458,7 +458,7 @@ class SimulationControl:
         return answered(result, reason)
 
     async def _go_singly(self, goal: Any, steps: int) -> str:
-        """Carry out the steps of a goal one by one; returns why not, or an empty text."""
+        """Carry out the steps of a goal one by one; returns the reason of a failure, or ''."""
         kind = action_class(f'{SIMULATION}/action/SimulateSteps')
         for done in range(1, steps + 1):
             if goal.is_cancel_requested:
@@ -469,12 +469,12 @@ class SimulationControl:
             goal.publish_feedback(feedback)
         return ''
 
-    # --- what they have in common -------------------------------------------------------------
+    # --- common parts -------------------------------------------------------------------------
 
     async def _go(self, steps: int) -> str:
         """Carry out a number of steps on a grid that begins where the simulation was paused.
 
-        Gives back why they are not done; empty if they are. Its times are products, not sums: a
+        Returns the reason of a failure, or ''. Its times are products, not sums: a
         hundred steps of 1 ms end at 0.1 s.
         """
         drive, size = self._drive, self._drive.value('step_size')
@@ -489,7 +489,7 @@ class SimulationControl:
         return f'paused meanwhile, at {drive.announced:.9g} s'
 
     async def alone(self, what: str, work: Any) -> Any:
-        """Await work that nothing may interrupt; `what` it is, for those who ask meanwhile."""
+        """Await uninterruptible work; `what` is its name for the refusal of other requests."""
         self.busy = what
         try:
             return await work
@@ -497,7 +497,7 @@ class SimulationControl:
             self.busy = ''
 
     async def refusal(self, during_steps: bool = False) -> str:
-        """Reason to refuse requests; empty, once the nodes have found each other, without one."""
+        """Reason to refuse requests, once all nodes are present; else empty."""
         await self._drive.until_ready()
         if self._drive.final:
             return (

@@ -29,22 +29,22 @@ COMMANDS = 'hardware/joint_commands'
 
 
 class ControlRelay(DescribedNode):
-    """Hands ``joint_states`` to a hardware component of ``ros2_control``, and its commands back.
+    """Relay of ``joint_states`` to a hardware component of ``ros2_control``, and of its commands.
 
-    The component is that of ``topic_based_hardware_interfaces``, which hears
+    The component is that of ``topic_based_hardware_interfaces``, which subscribes to
     ``hardware/joint_states`` and publishes ``hardware/joint_commands`` (sensor_msgs/JointState);
-    ``hardware/robot_description`` describes it. What is commanded of the driven joint goes to
+    ``hardware/robot_description`` describes it. Commands of the driven joint go to
     ``command/effort`` or ``command/velocity``, see `DriveCommands`.
 
     The controller manager runs on ``hardware/clock``. With ``command_period`` > 0 [s], that of
-    `DriveCommands`, it is in lock step: the node shows one state, waits until the component has
-    taken it, lets the clock come to its time, and waits for the command of this cycle (whose stamp
+    `DriveCommands`, it is in lock step: the node publishes a state, waits until the component has
+    taken it, advances the clock to its time, and waits for the command of this cycle (whose stamp
     is of a clock of the component's own). A state and the clock are topics of their own, which a
-    reader may take in either order: so the node named `component` is asked a service in between,
+    reader may take in either order: so a service of the node `component` is called in between,
     which it answers after the state. Until the
-    first command that is not zero the state at the start is shown, over and over, and only the
-    clock goes on, for controllers to be loaded: what they then see does not depend on how long
-    that takes. The clock is ahead of the machine by this time.
+    first nonzero command the state at the start is published repeatedly, and only the
+    clock advances, for controllers to be loaded: the states that they receive do not depend on
+    the time that takes. The clock is ahead of the machine by this time.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
@@ -64,13 +64,13 @@ class ControlRelay(DescribedNode):
                 f'{machine.name}: its drive takes no commands: give it a torque, or '
                 "'drive.commands', with acceleration and fastest"
             )
-        self._waiting: deque[Any] = deque()  # states that are not shown yet
-        self._shown: Any = None  # the state that a command is to answer
+        self._waiting: deque[Any] = deque()  # states not yet published
+        self._shown: Any = None  # the state to be answered by a command
         self._moving = False
-        self._asked = 0  # [ns] of the clock with the state that is shown
-        self._ahead = 0  # [ns] of the clock before the machine
-        self._paired = self._heard = False  # whether each cycle was waited for; any command came
-        self._latest = 0  # [ns] of the last state that came
+        self._asked = 0  # [ns] of the clock with the published state
+        self._ahead = 0  # [ns] lead of the clock over the machine
+        self._paired = self._heard = False  # lock step kept in each cycle; any command received
+        self._latest = 0  # [ns] of the last received state
         self._last = 0.0  # the last command
         self._command = self.create_publisher(Float64, f'command/{self._kind}', RESULTS)
         self._states = self.create_publisher(JointState, 'hardware/joint_states', RESULTS)
@@ -86,8 +86,8 @@ class ControlRelay(DescribedNode):
         self.publish_diagnostics()
 
     def _take_state(self, state: Any) -> None:
-        """Show a state when those before it are answered."""
-        if self._description:  # now that it comes to life: a manager that has it expects its time
+        """Publish a state once all earlier ones are answered."""
+        if self._description:  # with the first state: a manager then expects the clock
             self._described.publish(String(data=self._description))
             self._description = ''
         if not self._period:
@@ -111,7 +111,7 @@ class ControlRelay(DescribedNode):
             self._show()
 
     def _show(self) -> None:
-        """Let the component take the state, and then the clock come to its time."""
+        """Publish the state for the component, and then its time on the clock."""
         shown = self._shown
         self._overdue.reset()
         self._states.publish(shown)
@@ -127,11 +127,11 @@ class ControlRelay(DescribedNode):
             taken()
 
     def _show_again(self) -> None:
-        """Nobody has answered: the controllers are not there yet, or something was lost."""
+        """Publish again if unanswered: controllers are not loaded yet, or a message was lost."""
         if self._shown is None:
             return
         if self._moving:
-            # Whoever sleeps on a clock wakes at another time only; back is no time to act upon.
+            # Sleepers on a clock wake at a new time only; an earlier time has no effect.
             self._clock_publisher.publish(Clock(clock=stamp_at(self._asked - 1)))
             self.get_logger().warning(
                 f'no command has come at {self._asked / NANOSECONDS:.9g} s of hardware/clock: the '
@@ -139,15 +139,15 @@ class ControlRelay(DescribedNode):
                 throttle_duration_sec=10.0,
             )
         else:
-            # If the last one was answered late, no command is under way any more.
+            # After a late answer to the last one, no command is pending.
             self._paired, self._heard = self._heard, False
             self._ahead += self._period
         self._show()
 
     def _take_command(self, message: Any) -> None:
-        """Pass a command on if it answers the state that is shown."""
-        # the component writes the names of all joints, and the values of those that take
-        # commands, not a number without a controller
+        """Pass a command on if it answers the published state."""
+        # the component writes the names of all joints, and values of those with
+        # commands: nan without a controller
         values = getattr(message, self._kind)
         if len(values) == 1:
             found = values[0]
@@ -157,7 +157,7 @@ class ControlRelay(DescribedNode):
         if self._period:
             self._heard = True
             if self._shown is None or not self._paired:
-                return  # of a cycle that was not waited for
+                return  # of a cycle without lock step
             if not self._moving and not value:
                 self._ahead += self._period
                 self._show()

@@ -1,4 +1,4 @@
-"""The drive of the crank: publishes the law of the crank's motion, and paces the run."""
+"""The drive of the crank, which publishes its law of motion and paces the run."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from mechanism_sim.nodes.spawning import LeadingDrive, Spawning
 
 
 class CrankDrive(Drive):
-    """Announces the law of the crank ahead of the slowest partner, by credit.
+    """Node that announces the law of the crank ahead of the slowest partner, by credit.
 
-    A law and not samples, which would bring a delay of a tick; credit and not a common clock, so
-    that a slow node delays the run and loses nothing.
+    A law avoids the delay of a tick that samples have; credit instead of a common clock, so
+    that a slow node delays the run without loss.
 
-    It is the simulator of the standard `simulation_interfaces`, see `SimulationControl`, and takes
+    It is a simulator of the standard `simulation_interfaces`, see `SimulationControl`, and takes
     commands, see `DriveCommands`. Parameters of the node, besides those of every node: ``lead``
-    [s], how far the law is announced ahead of the slowest partner; ``realtime_factor``, simulated
+    [s], by which the law is announced ahead of the slowest partner; ``realtime_factor``, simulated
     seconds per second, 0 for as fast as possible (otherwise the lead is at most `AHEAD` of wall
     time, and a longer delay is not caught up); ``paused``, to begin so; ``hold``, to pause at the
     end of the run instead of ending; ``step_size`` [s]; ``publish_clock``; ``leader``, see
@@ -52,9 +52,9 @@ class CrankDrive(Drive):
         self.final = False
         self._over = False
         self._quitting = False
-        self._goal = 0.0  # [s] to which a paused simulation may go
+        self._goal = 0.0  # [s] to which a paused simulation may advance
         self._waiting: list[tuple[float, Future]] = []
-        self._ending: Future | None = None  # done when partners have finished before another run
+        self._ending: Future | None = None  # set when partners have finished before another run
         self._take_laws()
         self._pace = Pace()
         self._leader = LeadingDrive(self)
@@ -71,7 +71,7 @@ class CrankDrive(Drive):
 
     @property
     def law(self) -> Any:
-        """The law that holds where it is announced to."""
+        """The law at the time `announced`."""
         return self._laws[self._law]
 
     def _take_laws(self) -> None:
@@ -80,7 +80,7 @@ class CrankDrive(Drive):
         self._source = self.machine.drive.source
 
     def take_over(self, laws: Sequence[Any]) -> None:
-        """Let other laws take over, the first at `announced`."""
+        """Replace the law by others, the first from `announced` on."""
         self._source = None
         self._laws[self._law + 1 :] = laws
         self.extend()
@@ -89,31 +89,31 @@ class CrankDrive(Drive):
 
     @property
     def time(self) -> float:
-        """Time [s] up to which all partners have come."""
+        """Time [s] reached by all partners."""
         return min(self.partners.time, self.spawning.time, self.announced)
 
     @property
     def due(self) -> bool:
-        """True if time is to go on: all partners have come to where the law is announced to."""
+        """True if all partners have reached `announced`, so that time must advance."""
         at, wanted = self.announced, self.playing or self.announced < self._goal
         return self.ready and not self.final and wanted and self.time >= at < self._leader.time
 
     def play(self) -> None:
-        """Let time go on by itself."""
+        """Advance time continuously."""
         self.playing = True
         self._pace.restart(self.announced)
         self.extend()
 
     def pause(self) -> None:
-        """Stop where the law is announced to; who waits for more waits for that."""
+        """Stop at `announced`; pending `arrive` calls then wait for that time."""
         self.playing = False
         self._goal = self.announced
         self._waiting = [(min(goal, self._goal), future) for goal, future in self._waiting]
 
     async def arrive(self, goal: float) -> bool:
-        """Let a paused simulation go on to `goal` [s], and wait until all partners are there.
+        """Advance a paused simulation to `goal` [s], and wait for all partners.
 
-        False if it was paused again before.
+        False if it was paused before.
         """
         goal = min(goal, self.duration)
         self._goal = max(self._goal, goal)
@@ -122,16 +122,16 @@ class CrankDrive(Drive):
         return self.announced >= goal
 
     async def _all_at(self, goal: float) -> None:
-        """Wait until all partners are in this run, and there."""
+        """Wait until all partners have reached a time of this run."""
         there: Future = Future()
         self._waiting.append((goal, there))
         self._look_who_waits()
         await there
 
     async def start_over(self) -> str:
-        """Begin a new run at time 0, once what was announced of this one is done.
+        """Begin a new run at time 0, after this one has been completed up to `announced`.
 
-        Gives back why not, if a partner does not take the values of the scene that are asked for.
+        Returns the reason of a refusal, if a partner rejects the requested values of the scene.
         """
         playing = self.playing
         self.pause()
@@ -158,7 +158,7 @@ class CrankDrive(Drive):
         return ''
 
     def quit(self) -> None:
-        """End the run where the law is announced to."""
+        """End the run at `announced`."""
         self._quitting = True
         self.extend()
 
@@ -168,7 +168,7 @@ class CrankDrive(Drive):
         self._commands.begin()
         self.create_timer(0.01, self._tick)
         if self._leader.name:
-            self.report(0.0)  # it is there, and waits to hear how far that is
+            self.report(0.0)  # announces itself to the leader
         self._tick()
 
     def on_progress(self, message: Any) -> None:
@@ -178,7 +178,7 @@ class CrankDrive(Drive):
         self._look_who_waits()
 
     async def on_leader(self) -> None:
-        """Go on as far as the drive that this one follows, or begin anew with it."""
+        """Advance as far as the drive that this one follows, or restart with it."""
         leader = self._leader
         if self.ready and not leader.followed and leader.run > self.run:
             leader.followed = True
@@ -187,7 +187,7 @@ class CrankDrive(Drive):
         self.extend()
 
     def on_spawned(self) -> None:
-        """Extend the law if a machine that follows this one has gone on, or ended."""
+        """Extend the law after progress or end of a machine that follows this one."""
         self.extend()
         self._look_who_waits()
 
@@ -204,10 +204,10 @@ class CrankDrive(Drive):
     def _tick(self) -> None:
         final = self.final
         self.extend()
-        self._publish_clock()  # to the end, which the recorder waits for
+        self._publish_clock()  # up to the end, for which the recorder waits
         if not final:
             return
-        # Who waits for the end of the run gets an answer first, in the time between two ticks.
+        # Requests that wait for the end of the run are answered first, between two ticks.
         self.done = self._over and not self.control.busy and not self.spawning.machines
         self._over = self.partners.finished
 
@@ -217,20 +217,20 @@ class CrankDrive(Drive):
 
     @property
     def _given(self) -> float:
-        """Time [s] to which commands, and the drive that this one follows, let it go."""
+        """Time [s] up to which commands and a followed drive allow to advance."""
         return min(self._commands.horizon, self._leader.time)
 
     def extend(self) -> None:
-        """Announce the law for as long as the slowest partner, the pace and commands allow."""
+        """Announce the law as far as the slowest partner, the pace and commands allow."""
         if self.final or not self.ready:
             return
         if self._leader.finished and self.announced >= self._leader.time:
             self._quitting = True
         end = self.duration
-        # up to which the law may be announced now [s]
+        # time up to which the law may be announced now [s]
         lead, factor = self.value('lead'), self.value('realtime_factor')
         if factor > 0.0:
-            # with a pace, partners are not let fall far behind: they would rush to make up for it
+            # with a pace, partners must not fall far behind, or they would catch up too fast
             lead = min(lead, AHEAD * factor)
         slowest = min(self.partners.time, self.spawning.time)
         horizon = min(slowest + lead, self.duration, self._given)
@@ -238,9 +238,9 @@ class CrankDrive(Drive):
             horizon = min(horizon, self._goal)
         elif factor > 0.0:
             horizon = min(horizon, self._pace.due(factor, self.announced) + lead)
-        stays = self.value('hold') or self._leader.name  # who follows ends when its leader does
+        stays = self.value('hold') or self._leader.name  # a follower ends with its leader
         final = self._quitting or (horizon >= end and not stays)
-        # a message that extends the law by less is not worth while
+        # smaller extensions are not worth a message
         worthwhile = self.announced + 0.25 * lead
         if self._quitting:
             horizon = self.announced
@@ -250,7 +250,7 @@ class CrankDrive(Drive):
             return
         self.final = final
         while True:
-            # the laws behind the present one, as far as they are known; one at least if any comes
+            # known laws after the present one; at least one if there is any
             if self._source and self._law + 1 == len(self._laws):
                 following = self._source.after(self.law)
                 self._laws += [following] if following else []
@@ -268,7 +268,7 @@ class CrankDrive(Drive):
         self.report(horizon, finished=final)
 
     def promise(self, until: float, final: bool = False, again: bool = False) -> None:
-        """Announce that the present law holds until then [s]; `final`, and that the run ends."""
+        """Announce that the present law holds until a time [s]; `final`: the run ends then."""
         number = self._law + 1
         message = drive_law(self.law, number, until, final, self.announced, self.run, again)
         self.send(self._drive, message)
@@ -276,7 +276,7 @@ class CrankDrive(Drive):
     # --- record of deliveries -------------------------------------------------------------------
 
     def diagnose(self) -> Diagnosis:
-        """Diagnose the rate at which time passes, beside the real-time factor asked for."""
+        """Diagnosis: rate of simulated time, and the requested real-time factor."""
         found, asked = super().diagnose(), self.value('realtime_factor')
         if self.ready and not self.done:
             achieved = self._pace.measure_factor(self.time)
@@ -294,12 +294,12 @@ class CrankDrive(Drive):
 
 
 class ContentPropagation:
-    """Hands the drive's scene to its partners, before a run that has another than the last."""
+    """Propagation of the drive's scene to its partners, before a run with another scene."""
 
     def __init__(self, drive: SimulationNode) -> None:
         self._drive, self._run_with = drive, Content.of(drive)
         self._kind = service_class('rcl_interfaces/srv/SetParametersAtomically')
-        group = ReentrantCallbackGroup()  # who asks for a reset is in a callback that waits
+        group = ReentrantCallbackGroup()  # a reset is requested in a callback that waits
         self._clients: dict[str, Client] = {
             name: drive.create_client(
                 self._kind, f'{name}/set_parameters_atomically', callback_group=group
@@ -309,9 +309,9 @@ class ContentPropagation:
         drive.add_post_set_parameters_callback(self._announce)
 
     async def propagate(self) -> str:
-        """Give all partners the values for the next run; why it cannot be, empty if it is done.
+        """Set the values of the next run in all partners; returns the reason of a refusal, or ''.
 
-        If one refuses, all have those of the present run again.
+        After a refusal all are reset to those of the present run.
         """
         asked = Content.of(self._drive)
         if asked == self._run_with:

@@ -1,7 +1,7 @@
-"""Descriptions, diagnostics and parameters that make a node easy to operate.
+"""Base of nodes with descriptions, diagnostics and parameters for operation.
 
-Described parameters, qualities of service that can be overridden, timers that no simulated clock
-stops, diagnostics.
+Described parameters, qualities of service with overrides, timers independent of simulated
+time, diagnostics.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ class DescribedNode(Node):
 
     Attributes
     ----------
-    results : names of the topics on which it publishes results
-    spoken : names of the topics with messages of this package that it publishes or hears
-    heard : those that it hears
-    done : whether it has nothing left to do
-    keeps : whether it records what others publish, even after one of them has failed
+    results : names of published topics with results
+    spoken : names of topics with messages of this package that it publishes or subscribes to
+    heard : names of those to which it subscribes
+    done : True if it has nothing left to do
+    keeps : True if it records messages of others, even after one of them has failed
     """
 
     done = False
@@ -59,7 +59,7 @@ class DescribedNode(Node):
         self.spoken: set[str] = set()
         self.heard: list[str] = []
         super().__init__(name, parameter_overrides=list(parameters))
-        self._lists: set[str] = set()  # parameters that are texts, or arrays of texts
+        self._lists: set[str] = set()  # parameters with a text or an array of texts
         self.add_on_set_parameters_callback(self._judge_values)
 
     # --- parameters ---------------------------------------------------------------------------
@@ -72,12 +72,12 @@ class DescribedNode(Node):
         within: tuple[float, float] | None = None,
         read_only: bool = False,
     ) -> Any:
-        """Declare a parameter with its description and range; gives back its value.
+        """Declare a parameter with its description and range; returns its value.
 
         Raises
         ------
         ParameterException
-            If the value it is launched with is out of the range, or of another type.
+            If the value at launch is out of the range, or of another type.
         """
         descriptor = ParameterDescriptor(description=about, read_only=read_only)
         if within:
@@ -94,7 +94,7 @@ class DescribedNode(Node):
         self.declare_parameter(name, '', descriptor)
 
     def declare_frames(self) -> None:
-        """Declare what is put before names of frames: the namespace, unless told otherwise."""
+        """Declare the prefix of frame names; default: the namespace."""
         space = self.get_namespace().strip('/')
         prefix = f'{space}/' if space else ''
         self.declare('frame_prefix', prefix, 'Before the name of every frame', read_only=True)
@@ -104,9 +104,9 @@ class DescribedNode(Node):
         return f'{self.value("frame_prefix")}{link}'
 
     def name_strangers(self) -> None:
-        """Warn of parameters it is launched with that are nearly, but not quite, its own.
+        """Warn of launch parameters with names similar to its own.
 
-        Others may be meant for other nodes: ROS hands them to all.
+        Others may be for other nodes: ROS passes them to all.
         """
         own = self.list_parameters([], 0).names
         for name in self._parameter_overrides:
@@ -122,13 +122,13 @@ class DescribedNode(Node):
         return self.get_parameter(parameter).value
 
     def names(self, parameter: str) -> list[str]:
-        """The names in a parameter that lists them: an array, or separated by commas."""
+        """Names in a parameter: an array, or separated by commas."""
         given = self.value(parameter)
         parts = given.split(',') if isinstance(given, str) else given
         return [name.strip() for name in parts if name.strip()]
 
     def _judge_values(self, parameters: list[Parameter]) -> Any:
-        """Refuse numbers that are not finite, which ranges let pass, and lists of no texts."""
+        """Refuse numbers that are not finite, which ranges accept, and lists not of texts."""
         result = SetParametersResult(successful=True)
         for parameter in parameters:
             name, value = parameter.name, parameter.value
@@ -170,26 +170,26 @@ class DescribedNode(Node):
         return heard
 
     def _note(self, msg_type: type[Any], topic: str) -> bool:
-        """Note a topic; true if its messages are of this package."""
+        """Note a topic; True if its messages are of this package."""
         ours = type_name(msg_type).startswith(f'{OWN}/')
         if ours:
             self.spoken.add(topic)
         return ours
 
     def ignore(self, topic: str, reason: str) -> None:
-        """Warn that a message was not taken, though it is one; seldom, however many there are."""
+        """Warn of an ignored message, at limited frequency."""
         self.get_logger().warning(f'ignored a message on {topic}: {reason}',
                                   throttle_duration_sec=10.0)  # fmt: skip
 
     def create_timer(self, *given: Any, **how: Any) -> Any:
-        """Timer of wall time, also if the node's own time is that of the simulation."""
+        """Timer of wall time, even if the node's own time is simulated."""
         how.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
         return super().create_timer(*given, **how)
 
     # --- diagnostics --------------------------------------------------------------------------
 
     def publish_diagnostics(self) -> None:
-        """Publish ``/diagnostics`` from now on."""
+        """Start publishing ``/diagnostics``."""
         self._diagnostics = super().create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 

@@ -23,7 +23,7 @@ _SCALES = {
 
 
 class Display(SimulationNode):
-    """Publishes ``markers`` and ``force_markers``.
+    """Node that publishes ``markers`` and ``force_markers``.
 
     Parameters of the node, besides those of every node: ``force_scale`` [m/N], length of arrows
     per force, 0: the largest of the first cycle fits half the machine;
@@ -55,17 +55,17 @@ class Display(SimulationNode):
         self.on_ready()
 
     def _rest(self) -> None:
-        # All have come: the next one is of another run, and may come before its motion.
+        # All received: the next one is of another run, and may come before its motion.
         self._impacts = 0
 
     def on_ready(self) -> None:
-        """All partners are there: show the machine."""
+        """Show the machine, once all partners are present."""
         self._schedule = Schedule(self.machine.scene.outputs.markers)
         self._swaying = Swaying(self.machine)
         self.send(self._shapes, shapes(self._preview.skeleton, self._prefix))
 
     def has_all_impacts(self) -> bool:
-        """True if all impacts that were announced have come."""
+        """True if all announced impacts have been received."""
         announced = (
             dict(zip(p.topics, p.counts, strict=True)).get(self._topic, 0)
             for p in self.partners.reports.values()
@@ -94,11 +94,11 @@ class Display(SimulationNode):
 
 
 class _Following(MotionFollower):
-    """Ends when all impacts have come, too: they have a topic of their own."""
+    """Follower that also waits for all impacts, which have a topic of their own."""
 
     _node: Display
 
     def look(self) -> None:
-        """End if all motion and all impacts are here."""
+        """End if all motion and all impacts have been received."""
         if self._node.has_all_impacts():
             super().look()

@@ -1,4 +1,4 @@
-"""The drive of a run as its commands and services know it."""
+"""Interface of the drive of a run for its commands and services."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
 class Drive(SimulationNode):
-    """A node that announces laws of motion and lets time go on, see `CrankDrive`.
+    """A node that announces laws of motion and advances time, see `CrankDrive`.
 
     Attributes
     ----------
-    announced : [s] up to which the law is promised: what is commanded now holds from then on
-    playing : whether time goes on by itself
-    final : whether the law is announced to the end of the run: nothing can be done any more
-    spawning : the machines that follow this one, see `Spawning`
+    announced : time [s] up to which the law is announced; new commands hold from then on
+    playing : True if time advances by itself
+    final : True if the law is announced to the end of the run, which is then unalterable
+    spawning : machines that follow this one, see `Spawning`
     """
 
     announced: float
@@ -28,54 +28,54 @@ class Drive(SimulationNode):
     @property
     @abstractmethod
     def law(self) -> Any:
-        """The law that holds where it is announced to."""
+        """The law at the time `announced`."""
 
     @property
     @abstractmethod
     def due(self) -> bool:
-        """True if time is to go on: all partners have come to where the law is announced to."""
+        """True if all partners have reached `announced`, so that time must advance."""
 
     @abstractmethod
     def take_over(self, laws: Sequence[Any]) -> None:
-        """Let other laws take over, the first at `announced`."""
+        """Replace the law by others, the first from `announced` on."""
 
     @abstractmethod
     def promise(self, until: float, final: bool = False, again: bool = False) -> None:
-        """Announce that the present law holds until then [s]; `final`, and that the run ends.
+        """Announce that the present law holds until a time [s]; `final`: the run ends then.
 
-        If it was promised for that long before, the last joint states are published once more.
+        If that was announced before, the last joint states are published once more.
         """
 
     @abstractmethod
     def play(self) -> None:
-        """Let time go on by itself."""
+        """Advance time continuously."""
 
     @abstractmethod
     def pause(self) -> None:
-        """Stop where the law is announced to; who waits for more waits for that."""
+        """Stop at `announced`; pending `arrive` calls then wait for that time."""
 
     @abstractmethod
     async def arrive(self, goal: float) -> bool:
-        """Let a paused simulation go on to `goal` [s], and wait until all partners are there.
+        """Advance a paused simulation to `goal` [s], and wait for all partners.
 
-        False if it was paused again before.
+        False if it was paused before.
         """
 
     @abstractmethod
     async def start_over(self) -> str:
-        """Begin a new run at time 0, once what was announced of this one is done.
+        """Begin a new run at time 0, after this one has been completed up to `announced`.
 
-        Gives back why not, if a partner does not take the values of the scene that are asked for.
+        Returns the reason of a refusal, if a partner rejects the requested values of the scene.
         """
 
     @abstractmethod
     def quit(self) -> None:
-        """End the run where the law is announced to."""
+        """End the run at `announced`."""
 
     @abstractmethod
     async def on_leader(self) -> None:
-        """The drive that this one follows has gone on, or begun anew."""
+        """Progress or restart of the drive that this one follows."""
 
     @abstractmethod
     def on_spawned(self) -> None:
-        """A machine that follows this one has gone on, or ended."""
+        """Progress or end of a machine that follows this one."""

@@ -1,4 +1,4 @@
-"""Following a motion that another node publishes; when samples of it are due."""
+"""Following a motion that another node publishes; schedules of its samples."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ ROUNDING = 1e-9
 
 
 class MotionFollower:
-    """Work of a node that takes in all motion of a run and ends with it.
+    """Follower of all motion of a run, which ends with the run.
 
     Parameters
     ----------
-    take : called with every piece of motion
-    end : called once, after the last
-    reset : called when a run begins anew
+    take : callback with every piece of motion
+    end : callback after the last piece
+    reset : callback at the start of another run
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class MotionFollower:
         node.after_report = self.look
 
     def begin(self) -> None:
-        """All partners are there: the motion will come by itself."""
+        """Start of a run: nothing to do, the motion will be received."""
 
     def _on_motion(self, message: Any) -> None:
         if not self._node.partners.goes_on(message.run):
@@ -67,7 +67,7 @@ class MotionFollower:
         self.look()
 
     def _foreign(self, message: Any, motion: MotionBatch) -> str:
-        """Reason why a piece of motion is not the next one of this run; empty if it is."""
+        """Reason why a piece of motion is not the next one of this run; else empty."""
         if reason := foreign(message, self._node.machine):
             return reason
         begin = float(motion.curve.start[0])
@@ -76,13 +76,13 @@ class MotionFollower:
         return ''
 
     def look(self) -> None:
-        """End if all motion has come that the last report of its publisher announces."""
+        """End if all motion announced by its publisher's last report has been received."""
         node = self._node
         known = [p for p in node.partners.reports.values() if p.run == node.run]
         sources = [p for p in known if self._topic in p.topics]
         if self._ended or not sources or not all(p.finished for p in sources):
             return
-        # The end of a piece is a sum that may round to the float before that which is reported.
+        # The end of a piece is a sum that may round to the float before the reported one.
         end = max(p.time for p in sources)
         if self._time < math.nextafter(end, 0.0):
             return
@@ -93,13 +93,13 @@ class MotionFollower:
 
 
 class Schedule:
-    """Multiples of a period, handed out once each; `rate` [Hz]."""
+    """Multiples of a period, each returned once; `rate` [Hz]."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._next = 0
 
     def due(self, end: float) -> NDArray[np.float64]:
-        """Times [s] before `end` that were not handed out yet."""
+        """Times [s] before `end` not yet returned."""
         first, self._next = self._next, max(self._next, first_due(end, self._rate))
         return np.arange(first, self._next) / self._rate

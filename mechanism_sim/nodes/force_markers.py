@@ -1,7 +1,7 @@
-"""Markers: what viewers draw of a machine, and of what changes from instant to instant.
+"""Markers for viewers: constant shapes of a machine, and parts that change with time.
 
-Shapes of links stand still in their frames. Forces, contacts, plays, springs, elastic links, which
-bend, and frames on springs, which sway, are drawn anew, as figures show.
+Shapes of links are constant in their frames. Forces, contacts, clearances, springs, elastic
+links and frames on springs are drawn again at each instant, as in figures.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ _NAMESPACES: dict[Kind, str] = {
 }
 """Namespaces of the kinds of shapes."""
 
-_LAYER = 0.5  # between kinds of shapes, in units of the drawing's symbols
-_EDGE = 0.12  # width of lines, likewise
+_LAYER = 0.5  # distance of layers of kinds of shapes, in symbols
+_EDGE = 0.12  # width of lines, in symbols
 FORCE: _Colour = (0.80, 0.10, 0.10, 1.0)
 TOUCHING: _Colour = (0.90, 0.45, 0.05, 1.0)
 _FLYING: _Colour = (0.20, 0.55, 0.85, 1.0)
@@ -66,10 +66,10 @@ _STRUCK: _Colour = (1.00, 0.80, 0.10, 0.9)
 SHORTEST = 1e-3
 """Arrows shorter than this part of the machine's size are left out."""
 
-_LENS = 0.12  # radius of a lens, of the machine's size
-_PLAY = 1.0 / 3.0  # of that radius, the clearance as it is shown
-_FLASH = 100_000_000  # [ns] how long an impact is shown
-_HEIGHT = 5.0  # of forces and lenses above the plane of motion, in units of symbols
+_LENS = 0.12  # radius of a lens, as a share of the machine's size
+_PLAY = 1.0 / 3.0  # drawn clearance, as a share of that radius
+_FLASH = 100_000_000  # [ns] duration of the mark of an impact
+_HEIGHT = 5.0  # height of forces and lenses above the plane of motion, in symbols
 
 
 def marker(
@@ -82,14 +82,14 @@ def marker(
     points: Iterable[Vector2] | Array = (),
     height: float = 0.0,
 ) -> Any:
-    """A Marker that stays until another of its namespace and number takes its place.
+    """A Marker that remains until replaced by another of its namespace and number.
 
     Parameters
     ----------
     kind : one of the constants of Marker
-    scale : [m] what it means depends on the kind
-    points : in its frame [m]
-    height : of the points above the plane of motion [m]
+    scale : dimensions [m], with meanings depending on the kind
+    points : points in its frame [m]
+    height : height of the points above the plane of motion [m]
     """  # fmt: skip
     message = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
     message.header.frame_id = frame
@@ -101,7 +101,7 @@ def marker(
 
 
 def shapes(skeleton: Skeleton, prefix: str) -> Any:
-    """MarkerArray of all that stands still in the frames of the links, and keeps its shape."""
+    """MarkerArray of all shapes that are constant in the frames of links."""
     made = [
         each
         for shape, each, _ in painted(skeleton, prefix)
@@ -111,14 +111,14 @@ def shapes(skeleton: Skeleton, prefix: str) -> Any:
 
 
 def sways(skeleton: Skeleton, shape: Shape) -> bool:
-    """True if a shape is a frame on springs that is known to sway."""
+    """True if a shape is a frame on springs with a motion."""
     return shape.kind == 'frame' and shape.label in skeleton.sways
 
 
 def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
     """Markers of the shapes, locked to the frames of links: shape, marker, its points (k, 2) [m].
 
-    A namespace is a kind of shapes, see `_NAMESPACES`: what is filled as triangles, then edges.
+    A namespace is a kind of shapes, see `_NAMESPACES`: fills as triangles, then edges.
     """
     made: list[tuple[Shape, Any, Array]] = []
     count: Counter[str] = Counter()
@@ -126,7 +126,7 @@ def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
     for shape in skeleton.shapes:
         name, frame = _NAMESPACES[shape.kind], frame_of(shape.link, prefix)
         for path in shape.paths:
-            # links lie on each other
+            # links overlap
             height = _LAYER * s * (kinds.index(shape.kind) + 0.02 * count[name])
             fill, edge = _colours(path.style, shape.number)
             if fill is not None:
@@ -167,17 +167,17 @@ def _colours(style: Style, number: int) -> tuple[_Colour | None, _Colour | None]
 
 @dataclass(frozen=True)
 class _Lens:
-    """The play of a joint, magnified, beside it."""
+    """The clearance of a joint, magnified, beside it."""
 
     joint: Joint
-    away: Array  #: (2,) [m] from the joint's point to the lens
-    radius: float  #: [m] of the bushing, or half the way between walls, as it is shown
+    away: Array  #: (2,) vector from the joint's point to the lens [m]
+    radius: float  #: drawn radius of the bushing, or half the distance of walls [m]
     magnification: float
-    play: float  #: [m] that what is between has to each side
+    play: float  #: true clearance of the inner part on each side [m]
 
     @property
     def inner(self) -> float:
-        """Radius of the pin [m], or half the breadth of what is between walls."""
+        """Drawn radius of the pin [m], or half the width of the part between walls."""
         return self.radius - self.magnification * self.play
 
 
@@ -186,9 +186,9 @@ class ForceMarkers:
 
     Parameters
     ----------
-    prefix : of the frames of links
-    force_scale : length of arrows per force [m/N]; 0: the largest fits half the machine
-    magnification : of clearances; 0: they are a third of the bushing's radius
+    prefix : prefix of the frames of links
+    force_scale : length of arrows per force [m/N]; 0: the largest is half the machine's size
+    magnification : magnification of clearances; 0: to a third of the bushing's radius
     """
 
     def __init__(
@@ -233,9 +233,9 @@ class ForceMarkers:
     def at(
         self, t: Array, o: Observation, modes: NDArray[np.uint8], sway: Array | None = None
     ) -> Iterator[Any]:
-        """MarkerArrays at times t (N,) [s] of an observed machine; others as `Stage.frames` has.
+        """MarkerArrays at times t (N,) [s] of an observed machine, arguments as `Stage.frames`.
 
-        They are the same object every time, to be published before the next.
+        Their markers are the same objects every time: publish each before the next.
         """
         frames = self._stage.frames(t, o, modes, sway)
         writers = [
@@ -258,7 +258,7 @@ class ForceMarkers:
         return not (known or skeleton.springs or skeleton.strings)
 
     def flash(self, impact: Any) -> Any:
-        """A flash at the joint of an Impact message; its volume stands for the impulse.
+        """A flash at the joint of an Impact message, with a volume proportional to the impulse.
 
         None if the machine has no such joint.
         """
@@ -278,7 +278,7 @@ class ForceMarkers:
         return MarkerArray(markers=[flash])
 
     def _arrows(self, frames: StageFrames) -> Iterator[Any]:
-        """The force of the first-named on the second-named link, from where it acts."""
+        """Arrows of the force of the first on the second link, from its point of action."""
         s = self._symbol
         acting = frames.acting(self._stage)
         for k, foot in enumerate(acting):
@@ -342,7 +342,7 @@ class ForceMarkers:
             number += 1
 
     def _beside(self, lens: _Lens, frames: StageFrames) -> tuple[Array, Array]:
-        """The point of a joint and the middle of its lens (2, N) [m]."""
+        """The point of a joint and the centre of its lens (2, N) [m]."""
         place = np.array([lens.joint.on_second])
         at = self._stage.skeleton.placed(lens.joint.second, place, frames.poses)[:, 0].T
         return at, at + lens.away[:, None]
@@ -350,7 +350,7 @@ class ForceMarkers:
     def _lying(
         self, number: int, kind: int, shade: _Colour, size: tuple[float, float], above: float = 0.0
     ) -> Any:
-        """A flat part of a lens, so many symbols above its walls."""
+        """A flat part of a lens, `above` its walls [symbols]."""
         s = self._symbol
         made = marker('lenses', number, self._world, kind, shade, (*size, 0.1 * s))
         made.pose.position.z = (_HEIGHT + above) * s
@@ -359,7 +359,7 @@ class ForceMarkers:
     def _leaning(
         self, body: Any, lens: _Lens, lean: Array, place: Array, touching: Any
     ) -> tuple[Any, Any]:
-        """The body between walls, whose ends are so far (N,) [m] off its middle."""
+        """The body between walls, with offsets (N,) [m] of its ends from its centre by tilt."""
         put, half = self._moving(body, place, touching)[1], 0.5 * lens.radius
 
         def write(i: int) -> None:
@@ -376,9 +376,9 @@ class ForceMarkers:
     def _moving(
         made: Any, place: Array, touching: Any = None, shown: Any = None
     ) -> tuple[Any, Any]:
-        """A marker and what puts it at instant i to its place (2, N) [m].
+        """A marker, and the function that moves it to its position (2, N) [m] at instant i.
 
-        touching : (N,) by which its colour goes; shown : (N,) whether it is there
+        touching : (N,) True for contact, shown by colour; shown : (N,) True if visible
         """
 
         def write(i: int) -> None:
@@ -418,7 +418,7 @@ class ForceMarkers:
             yield made, write
 
     def _sway(self, frames: StageFrames) -> Iterator[Any]:
-        """Frames on springs that sway: turned about where the world's origin has been moved to."""
+        """Frames on springs that sway: rotated about the displaced origin of the world."""
         skeleton = self._stage.skeleton
         for shape, made in self._swaying:
             origin = skeleton.swayed(np.zeros((1, 2)), shape.label, frames.sway)[:, 0].T

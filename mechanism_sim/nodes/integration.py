@@ -1,7 +1,7 @@
-"""Integrating a machine under the law of its drive, and publishing all of its motion.
+"""Integration of a machine under the law of its drive, and publication of its motion.
 
 One node integrates the whole machine: cams and gears load the crank, and divided equations would
-have an error of coupling.
+have a coupling error.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ TOGETHER = 256
 
 
 class MachineDescription:
-    """The scene, the URDF and the frames that never change, for who comes at any time."""
+    """Latched topics: the scene, the URDF and constant frames."""
 
     def __init__(self, node: SimulationNode, wrenches: Sequence[str]) -> None:
         self._node, self._wrenches = node, wrenches
@@ -58,12 +58,12 @@ class MachineDescription:
         self._fixed = node.create_publisher(TFMessage, '/tf_static', LATCHED) if wrenches else None
 
     def publish(self, machine: Machine) -> None:
-        """Publish them of the machine of a run that begins."""
+        """Publish the description of the machine of a new run."""
         node = self._node
         node.send(self._scene, String(data=events.describe(machine)))
         try:
             described = to_urdf(machine, node.frame(''))
-        except InputError as error:  # a tree of a machine that runs all the same
+        except InputError as error:  # no URDF; the machine can run nevertheless
             node.get_logger().warning(f'no robot_description: {error}')
         else:
             node.send(self._description, String(data=described))
@@ -73,15 +73,15 @@ class MachineDescription:
 
 
 class Integration:
-    """Work of a node that integrates: it goes as far as the law of the drive holds.
+    """Integration in a node, up to the end of validity of the drive's law.
 
-    Batches do not influence the motion, nor does where the law is known to hold: a step that goes
-    beyond is kept back, and samples before that are taken from its beginning.
+    Neither batches nor the end of validity of the law influence the motion: a step
+    beyond it is withheld, and samples before the end are taken from the step's first part.
 
     Parameters
     ----------
-    also : called with every piece of motion
-    reset : called when a run begins anew
+    also : callback with every piece of motion
+    reset : callback at the start of another run
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class Integration:
         self._entities = Entities(node, self)
 
     def begin(self) -> None:
-        """A run begins: describe the scene and the machine."""
+        """Start of a run: publish descriptions of the scene and the machine."""
         self._description.publish(self._machine)
 
     def diagnose(self) -> dict[str, object]:
@@ -138,8 +138,8 @@ class Integration:
         return self._runner.known if self._runner else 0.0
 
     def observe_latest(self) -> tuple[float, Observation]:
-        """The last time [s] up to which the motion is known, and the machine then."""
-        assert self._latest is not None  # noqa: S101 - who asks has looked whether it has `begun`
+        """The last time [s] of the known motion, and the observation of the machine then."""
+        assert self._latest is not None  # noqa: S101 - callers have checked `begun`
         curve = self._latest.curve
         t = min(self._known, float(curve.end))
         return t, self._machine.physics.observe(self._latest, *curve.find(np.array([t])))
@@ -154,13 +154,13 @@ class Integration:
         self._samples.start_over()
         self._runner = None
         self._law_id = 0
-        self._published_until = 0.0  # [s] up to which followers have been told
+        self._published_until = 0.0  # [s] end of the published motion
         self._impact_count = 0
         self._events = events.EventWriter(self._node.frame(WORLD))
         self._latest: MotionBatch | None = None
 
     def _follow(self, message: Any) -> None:
-        """Advance to where the law is known to hold."""
+        """Advance to the end of validity of the law."""
         if not self._node.partners.goes_on(message.run):
             return
         if message.run != self._node.run:
@@ -171,7 +171,7 @@ class Integration:
             self._restitutions.start_over()
             self._reset()
             self.begin()
-        # it may say what is known already, see `Drive.promise`
+        # may be a repetition, see `Drive.promise`
         known = message.law_id == self._law_id and message.valid_until <= self._known
         if known and not message.final:
             self._samples.show_again(message.valid_from)
@@ -207,14 +207,14 @@ class Integration:
                 self._node.report(self._known)
 
     def _change(self, path: str, value: float) -> None:
-        """Change a restitution for all impacts that are not known yet."""
+        """Change a restitution for all future impacts."""
         if self._runner is not None:
             self._runner.engine.change_restitution(path.split('.')[1], value)
             self._node.send(self._changes, events.scene_change(path, value, self._known))
             self._node.announce(path, value, self._known)
 
     def _send_motion(self, motion: MotionBatch, end: float) -> None:
-        """Publish motion that ends at `end` [s], and up to where it is known."""
+        """Publish motion that ends at `end` [s], and the time up to which it is known."""
 
         def make() -> list[Any]:
             names = row_names(self._machine), self._machine.physics.clearances
@@ -236,7 +236,7 @@ class Integration:
             known, physics = runner.balance(), self._machine.physics
             if ahead is None or not len(ahead) or not physics.has_forces:
                 return known
-            # no sample lies behind the last segment, whose own work is not asked for
+            # no sample is after the last segment, whose work is not needed
             each = np.arange(len(ahead) - 1)
             coming = work_since_start(physics, ahead, each, ahead.curve.duration[:-1])
             none = np.zeros((len(Work._fields), 1))
@@ -258,11 +258,11 @@ class Restitutions:
 
     Parameters
     ----------
-    change : changes one, by its path
+    change : function that changes a restitution by path
 
     Attributes
     ----------
-    changed : those that differ from the scene, by their paths
+    changed : values that differ from the scene, by path
     """
 
     def __init__(self, node: SimulationNode, change: Callable[[str, float], None]) -> None:
@@ -280,7 +280,7 @@ class Restitutions:
             node.add_post_set_parameters_callback(self._take)
 
     def start_over(self) -> None:
-        """A run begins anew: with the values it was launched with, or others of the scene."""
+        """Reset to the values at launch, or to changed ones of the scene, for a new run."""
         before, self._scene = self._scene, self._of_scene()
         for path, value in self._scene.items():
             if value != before[path]:

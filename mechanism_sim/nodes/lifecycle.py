@@ -1,4 +1,4 @@
-"""Nodes that integrate, whole machines or parts; lifecycle_msgs has the states of managed ones."""
+"""Nodes that integrate whole machines or parts; managed ones with states of lifecycle_msgs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STATES = {
 
 
 class Transition(NamedTuple):
-    """A transition that can be asked for, by its number in lifecycle_msgs/Transition."""
+    """A requestable transition, by its number in lifecycle_msgs/Transition."""
 
     number: int
     label: str
@@ -49,11 +49,11 @@ _TRANSITIONS = (
 
 
 class IntegratingNode(SimulationNode):
-    """A node that joins its run at once, or, with the parameter ``lifecycle``, when activated.
+    """A node that joins its run at once or, with the parameter ``lifecycle``, on activation.
 
-    Managed, it waits unconfigured. `configure` makes the machine of the scene; the first
-    `activate` joins the run; `deactivate` lets what comes wait, and with it the time of the whole
-    run; `cleanup`, before the run is joined, forgets the machine; `shutdown` ends the node.
+    A managed node starts unconfigured. `configure` makes the machine of the scene; the first
+    `activate` joins the run; `deactivate` queues messages, which stops the time of the whole
+    run; `cleanup`, before joining the run, discards the machine; `shutdown` ends the node.
     """
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
@@ -76,7 +76,7 @@ class IntegratingNode(SimulationNode):
         self.join()
 
     def configure(self) -> str:
-        """Make the machine of the scene; why it cannot be made, if so."""
+        """Make the machine of the scene; returns the reason of a failure, or an empty text."""
         try:
             self.forget_machine()
             prepare(self.machine)
@@ -85,7 +85,7 @@ class IntegratingNode(SimulationNode):
         return ''
 
     def activate(self) -> str:
-        """Join the run, or go on with it."""
+        """Join the run, or continue it."""
         self.active = True
         if not self._joined:
             self._join_run()
@@ -94,12 +94,12 @@ class IntegratingNode(SimulationNode):
         return ''
 
     def deactivate(self) -> str:
-        """Let what comes wait."""
+        """Queue received messages."""
         self.active = False
         return ''
 
     def cleanup(self) -> str:
-        """Forget the machine; why not, if the run is joined."""
+        """Discard the machine; returns the reason of a refusal if the run is joined."""
         return 'it has joined its run: activate it again, or shut it down' if self._joined else ''
 
     def finish(self) -> str:
@@ -196,19 +196,19 @@ class Lifecycle:
 
 
 class PartNode(IntegratingNode):
-    """Publishes the states of its parts, of a motion that it integrates itself or follows.
+    """Node for the states of its parts, from its own integration or a followed motion.
 
-    It follows if ``linkage`` is among its partners. Without, it is the integrator of the run and
+    It follows ``linkage`` if that is a partner. Otherwise it is the integrator of the run and
     publishes all that ``linkage`` would.
     """
 
-    kind: str  #: of the parts, and the name of the node
+    kind: str  #: kind of the parts, and name of the node
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(self.kind, parameters)
 
     def make_endpoints(self) -> None:
-        """Publish the states, and all that integration gives if this node does that."""
+        """Publishers of states, and of all results of integration if this node integrates."""
         states = States(self, self.kind)
         role = MotionFollower if 'linkage' in self.partners.names else Integration
         self._role: MotionFollower | Integration = role(
@@ -216,7 +216,7 @@ class PartNode(IntegratingNode):
         )
 
     def on_ready(self) -> None:
-        """All partners are there."""
+        """Start of the work, once all partners are present."""
         self._role.begin()
 
     def diagnose(self) -> Diagnosis:
@@ -228,35 +228,35 @@ class PartNode(IntegratingNode):
 
 
 class LinkageNode(PartNode):
-    """Integrates the machine and publishes its motion, forces and events, and no states."""
+    """Node that integrates the machine and publishes motion, forces and events, but no states."""
 
     kind = 'linkage'
 
     def make_endpoints(self) -> None:
-        """Publish all that integration gives."""
+        """Publishers of all results of integration."""
         self._role = Integration(self)
 
 
 class CamNode(PartNode):
-    """Publishes ``cam_state`` of every cam and its follower."""
+    """Node that publishes ``cam_state`` of every cam and its follower."""
 
     kind = 'cam'
 
 
 class GearTrain(PartNode):
-    """Publishes ``gear_state`` of every pair of gears."""
+    """Node that publishes ``gear_state`` of every pair of gears."""
 
     kind = 'gear_train'
 
 
 class GenevaNode(PartNode):
-    """Publishes ``geneva_state`` of every Geneva wheel and slotted rack."""
+    """Node that publishes ``geneva_state`` of every Geneva wheel and slotted rack."""
 
     kind = 'geneva'
 
 
 class States:
-    """Publishes the states of all parts of one kind."""
+    """Publisher of the states of all parts of a kind."""
 
     def __init__(self, node: SimulationNode, name: str) -> None:
         machine = node.machine
@@ -271,11 +271,11 @@ class States:
         self.start_over()
 
     def start_over(self) -> None:
-        """A run begins anew."""
+        """Start of another run."""
         self._schedule = Schedule(self._node.machine.scene.outputs.part_states)
 
     def publish(self, motion: Motion) -> None:
-        """The states that are due in a piece of motion."""
+        """Publish the states due in a piece of motion."""
         t = self._schedule.due(motion.curve.end)
         if not t.size:
             return

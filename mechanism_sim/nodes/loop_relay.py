@@ -1,4 +1,4 @@
-"""States of all joints of a closed-loop machine, from those of the joints that drive it."""
+"""States of all joints of a closed-loop machine, from those of its driving joints."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ _DRIVERS = 'driver_states'
 
 
 class LoopRelay(DescribedNode):
-    """Publishes ``joint_states`` of a whole closed-loop machine for every ``driver_states``.
+    """Relay that answers ``driver_states`` by ``joint_states`` of a closed-loop machine.
 
-    What drives it is told by a slider of ``joint_state_publisher_gui``, a controller or an
-    encoder: positions [rad, m] by the names of the coordinates that ``drive`` or ``drives`` of the
-    scene name, and rates if they are known. Each message is answered by one with the states of all
+    Driving positions come from a slider of ``joint_state_publisher_gui``, a controller or an
+    encoder: positions [rad, m] by names of coordinates in ``drive`` or ``drives`` of the
+    scene, and optionally rates. Each message is answered by one with the states of all
     coordinates, of the machine without clearance, closed to rounding, with the same stamp; rates
-    are there if they were told. ``/tf`` has the frames of the links then, if ``publish_tf``.
+    are included if given. ``/tf`` then has the frames of links, if ``publish_tf``.
 
-    ``robot_description`` is the machine as URDF, ``driver_description`` its driving joints alone,
+    ``robot_description`` is the machine as URDF, ``driver_description`` its driving joints only,
     with their limits, for a panel with one slider each.
     """
 
@@ -56,7 +56,7 @@ class LoopRelay(DescribedNode):
         self._tracker = Tracker(kinematics, at.q, at.slope)
         self._names = list(kinematics.coordinates)
         self._limits = dict[str, tuple[float, float]]()
-        if len(self._driven) == 1:  # of several each has its own wherever the others are
+        if len(self._driven) == 1:  # with several drives the range of each depends on the others
             reach = TWO_PI * float(kinematics.scale[kinematics.held[0]])
             found = drive_range(kinematics, at.q, reach)
             self._limits = {self._driven[0]: (found.low, found.high)} if found.limited else {}
@@ -72,7 +72,7 @@ class LoopRelay(DescribedNode):
         self.publish_diagnostics()
 
     def _take(self, message: Any) -> None:
-        """Answer the states of the driving joints with those of all."""
+        """Answer the states of driving joints with those of all joints."""
         places = dict(zip(message.name, message.position, strict=False))
         if missing := [name for name in self._driven if name not in places]:
             self.ignore(_DRIVERS, f'it has no position of {", ".join(missing)}')
@@ -108,7 +108,7 @@ class LoopRelay(DescribedNode):
         self._answered, self._refused = self._answered + 1, ''
 
     def diagnose(self) -> Diagnosis:
-        """Diagnose the number of answered states, and the refusal of the last one."""
+        """Diagnosis: number of answered states, and the refusal of the last one."""
         level = DiagnosticStatus.WARN if self._refused else DiagnosticStatus.OK
         message = self._refused or ('running' if self._answered else f'waiting for {_DRIVERS}')
         return Diagnosis(level, message, {'states answered': self._answered})

@@ -1,9 +1,9 @@
-"""Nodes, publishers, subscriptions, timers, services and parameters: the part of rclpy we use.
+"""Nodes, publishers, subscriptions, timers, services, parameters: the used part of rclpy.
 
-Where ROS is installed these are rclpy's own, see `rclpy_backend`; elsewhere those of
+With ROS installed these are rclpy's own, see `rclpy_backend`; otherwise those of
 `zenoh_rclpy`, the same surface on Zenoh, on the wire what ``rmw_zenoh_cpp`` speaks.
-``MECHANISM_SIM_MIDDLEWARE=zenoh`` takes Zenoh in any case. Nodes import from here and never know;
-no other module of the package imports the one or the other.
+``MECHANISM_SIM_MIDDLEWARE=zenoh`` selects Zenoh. Nodes import from here only;
+no other module of the package imports either back end.
 """
 
 import logging
@@ -28,7 +28,7 @@ def backend() -> str:
 
 
 class _Notices(logging.Handler):
-    """Print notices of the back end on standard error, as this program."""
+    """Handler that prints notices of the back end on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one notice."""

@@ -34,7 +34,7 @@ def fields(states: FrameStates, i: int) -> dict[str, float]:
 
 
 class OscillatorNode(SimulationNode):
-    """Publishes ``oscillator_state`` of every frame, from the motion that it follows."""
+    """Node that publishes ``oscillator_state`` of every frame, from a followed motion."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('oscillator', parameters)

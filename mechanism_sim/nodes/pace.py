@@ -1,4 +1,4 @@
-"""Simulated against wall time."""
+"""Simulated time relative to wall time."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ BEHIND = 0.95
 
 
 class Pace:
-    """Keeps simulated time at a factor of wall time since it last began to go."""
+    """Pacing: simulated time as a multiple of wall time since the last restart."""
 
     def __init__(self) -> None:
         self._wall, self._sim, self._factor = time.monotonic(), 0.0, 0.0
         self._seen = self._wall, 0.0
 
     def restart(self, now: float) -> None:
-        """Simulated time is `now` [s] and goes on from here."""
+        """Restart at the simulated time `now` [s]."""
         self._wall, self._sim = time.monotonic(), now
         self._seen = self._wall, now
 
     def due(self, factor: float, announced: float) -> float:
-        """Time [s] that is due now, of a law that is announced to `announced` [s].
+        """Due time [s] of a law that is announced to `announced` [s].
 
-        Where partners were slow the law has not come so far: of such a delay `AHEAD` is caught up
-        and the rest is not, so that a stall is followed by time at its pace and not by a rush.
+        With slow partners the law has not come so far: of such a delay `AHEAD` is caught up
+        and the rest is not, so that a stall is followed by time at the set factor, not faster.
         """
         wall = time.monotonic()
         if factor != self._factor:
@@ -40,7 +40,7 @@ class Pace:
         return due
 
     def measure_factor(self, now: float) -> float:
-        """Simulated seconds per second since this was last asked; `now` is [s] simulated."""
+        """Simulated seconds per second since the last call; `now` is simulated time [s]."""
         wall, (before, then) = time.monotonic(), self._seen
         self._seen = wall, now
         return max(0.0, now - then) / (wall - before) if wall > before else 0.0

@@ -12,28 +12,28 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.messages import Float64
 from mechanism_sim.nodes.described_node import DescribedNode
 
-SETTLE = 0.3  # [s] until a process that has joined can be sure to see who was there before
-_JOINED: WeakKeyDictionary[Any, float] = WeakKeyDictionary()  # [s] by the context of the process
-_BEGAN = '_began'  # above the topics of runs that begin: ROS hides what is called so
+SETTLE = 0.3  # [s] until a process that has joined sees all earlier ones
+_JOINED: WeakKeyDictionary[Any, float] = WeakKeyDictionary()  # [s] of joining, by context
+_BEGAN = '_began'  # namespace of topics of new runs: hidden by ROS
 SAY_AFTER, SAY_AGAIN = 2.0, 30.0
 """[s] after which a node says for whom it waits, and after which it says so again."""
 
-FAREWELL = 1.0  # [s] a node stays that has found a partner of another version
-GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
-LONG = 0.0, 1e12  # [s]
+FAREWELL = 1.0  # [s] delay before a node with a partner of another version ends
+GONE_AFTER = 3.0  # [s] absence from the graph after which a partner is lost
+LONG = 0.0, 1e12  # [s] range of durations
 
 
 class Partners:
-    """The nodes that a run waits for, and those that must hear this one's results.
+    """The nodes that a run waits for, and those that must receive this one's results.
 
     Parameters of the node: ``partners``, ``listeners``, ``partner_timeout``.
 
     Attributes
     ----------
-    names : of the partners
+    names : names of the partners
     run : number of the run of this node
-    reports : the last report of each partner, of this run or the next
-    alone : whether a run that was there before would have been seen, and none was
+    reports : last report by partner, of this run or the next
+    alone : True if an earlier run would have been detected, and there is none
     """
 
     def __init__(self, node: DescribedNode) -> None:
@@ -48,17 +48,17 @@ class Partners:
         self.run = 0
         self.reports: dict[str, Any] = {}
         self._seen: set[str] = set()
-        self._ids: dict[str, tuple[int, ...]] = {}  # of those that this run began with
+        self._ids: dict[str, tuple[int, ...]] = {}  # ids by partner at the start of this run
         self._different = ''
         self.alone = False
         self._mark: Any = None
         self._missing_since: dict[str, float] = {}
-        self._said: dict[str, float] = {}  # [s] when it was last said for whom this node waits
+        self._said: dict[str, float] = {}  # [s] time of the last log entry by kind of waiting
 
     # --- their reports --------------------------------------------------------------------------
 
     def begin_run(self, number: int) -> None:
-        """Forget the reports of the run before; a partner may be in the new one already."""
+        """Discard reports of the previous run; a partner may already be in the new one."""
         self.run = number
         self.reports = {n: p for n, p in self.reports.items() if p.run >= number}
 
@@ -67,11 +67,11 @@ class Partners:
         return self.run <= number <= self.run + 1
 
     def see(self, message: Any) -> None:
-        """Note that a node has reported, whoever it is and whatever of."""
+        """Record that a node has reported, of any name and run."""
         self._seen.add(message.node)
 
     def take(self, message: Any) -> bool:
-        """Keep the report of a partner; false if it is none, or still of the run before."""
+        """Store the report of a partner; False for other nodes and for the previous run."""
         if message.node not in self.names or not self.goes_on(message.run):
             return False
         self.reports[message.node] = message
@@ -79,13 +79,13 @@ class Partners:
 
     @property
     def _present_reports(self) -> list[Any]:
-        """The last report of every partner in this run, None of one that has made none."""
+        """The last report of every partner in this run; None if there is none."""
         known = [self.reports.get(partner) for partner in self.names]
         return [r if r and r.run == self.run else None for r in known]
 
     @property
     def time(self) -> float:
-        """Time [s] up to which every partner has come; infinite without partners."""
+        """Time [s] reached by every partner; infinite without partners."""
         return min((r.time if r else 0.0 for r in self._present_reports), default=float('inf'))
 
     @property
@@ -95,7 +95,7 @@ class Partners:
 
     @property
     def finished(self) -> bool:
-        """True if every partner has published its last."""
+        """True if every partner has published its last message."""
         return all(r and r.finished for r in self._present_reports)
 
     @property
@@ -106,22 +106,22 @@ class Partners:
     # --- their presence -------------------------------------------------------------------------
 
     def expect(self) -> None:
-        """Wait for them from now on."""
+        """Start of waiting for partners."""
         now = time.monotonic()
         self._deadline = now + self._node.value('partner_timeout')
         self._settled = _JOINED.setdefault(self._node.context, now) + SETTLE
 
     def gathered(self) -> bool:
-        """True when all are there; RunError if one never comes, or is of another version."""
+        """True if all are present; RunError if one is missing too long, or of another version."""
         name, now, ids = self._node.get_name(), time.monotonic(), self._present()
         self._ids.update(ids)
         present = [node for node, _ in ids]
-        # who has come first is not held up by those who will find that they have not
+        # the first node is not stopped by later ones of its name, which end themselves
         known = self.names if self._mark else [name, *self.names]
         self._refuse(present, dict.fromkeys(known, 1))
         self.alone = now > self._settled
-        # One that was there may have done its part and left before this node is ready, or before
-        # the graph had it.
+        # A partner may have finished and left before this node is ready, or before
+        # it was in the graph.
         self._seen.update(present)
         missing, unheard = [p for p in self.names if p not in self._seen], self._unheard()
         if not missing and not unheard:
@@ -146,14 +146,14 @@ class Partners:
         raise RunError(f"{said} '{listener}' to subscribe to {topic}; start it, or leave it out")
 
     def show_start(self) -> None:
-        """Let others see when this node began, before they see the node."""
+        """Show the start time of this node in the graph, before the node itself."""
         name = f'{_BEGAN}/t{time.time_ns():020}_{secrets.token_hex(4)}'
         self._mark = self._node.create_publisher(Float64, name, 1)
 
     def came_first(self) -> bool:
-        """True when it is sure that no partner was there before this node; RunError if one was.
+        """True once no partner can be older than this node; RunError if one is.
 
-        Of nodes that begin at the same time, the first waits until the others have left.
+        Among nodes that begin at the same time, the first waits until the others have left.
         """
         name, now = self._node.get_name(), time.monotonic()
         present = [node for node, _ in self._present()]
@@ -163,13 +163,13 @@ class Partners:
         return now > self._settled and not others
 
     def _is_first(self) -> bool:
-        """True if none that shows when it began did so earlier."""
+        """True if no other node in the graph shows an earlier start."""
         own: str = self._mark.topic_name
         topics, above = self._node.get_topic_names_and_types(), f'{own.rpartition("/")[0]}/'
         return own == min([own, *(topic for topic, _ in topics if topic.startswith(above))])
 
     def _refuse(self, present: list[str], most: dict[str, int]) -> None:
-        """RunError if more than so many nodes of one name are in the graph."""
+        """RunError if there are more nodes of a name in the graph than allowed by `most`."""
         self.alone = False
         for name, count in most.items():
             if present.count(name) > count:
@@ -179,9 +179,9 @@ class Partners:
                 )
 
     def check_presence(self) -> None:
-        """Raise RunError if one has left before it had finished.
+        """Raise RunError if a partner has left before it finished.
 
-        Another of its name, as where it was killed and started anew, knows nothing of the run.
+        Another node of its name, as after a restart, has no state of the run.
         """
         now, present = time.monotonic(), self._present()
         self._ids = dict(present) | self._ids
@@ -205,11 +205,11 @@ class Partners:
     def say_waiting(
         self, for_whom: str, since: float | None = None, kind: str = 'partners'
     ) -> None:
-        """Log which nodes this one waits for, after a while, and seldom for each kind.
+        """Log the nodes this one waits for, after a delay, and at long intervals for each kind.
 
         Parameters
         ----------
-        since : by ``time.monotonic`` [s]; since it looks for partners, if not given
+        since : start of waiting by ``time.monotonic`` [s]; default: that for partners
         """
         now, began = time.monotonic(), self._settled if since is None else since
         if now > began + SAY_AFTER and now > self._said.get(kind, -math.inf) + SAY_AGAIN:
@@ -217,15 +217,15 @@ class Partners:
             self._node.get_logger().info(f'waiting for {for_whom}')
 
     def _present(self) -> list[tuple[str, tuple[int, ...]]]:
-        """Names and ids of the nodes in the graph that are whole, this one among them."""
-        # The last subscription of a node and its last publisher: who sees both sees all before.
+        """Names and ids of the complete nodes in the graph, this one included."""
+        # The last subscription and publisher of a node: if both are visible, all others are.
         node = self._node
         hearing = {s.node_name for s in node.get_subscriptions_info_by_topic('progress')}
         speaking = node.get_publishers_info_by_topic('progress')
         return [(p.node_name, tuple(p.endpoint_gid)) for p in speaking if p.node_name in hearing]
 
     def _difference(self) -> str:
-        """Describe a partner with other message types, which would receive nothing."""
+        """Sentence on a partner with other message types, which would receive nothing."""
         node = self._node
         for topic in sorted(node.spoken):
             types: dict[str, set[tuple[str, str]]] = {}
@@ -244,7 +244,7 @@ class Partners:
         return ''
 
     def _unheard(self) -> tuple[str, str] | None:
-        """A listener and a topic of results of this node that it has not subscribed to yet."""
+        """A listener, and a topic of this node's results to which it has not yet subscribed."""
         node = self._node
         for topic in node.results if self._listeners else ():
             hearing = {s.node_name for s in node.get_subscriptions_info_by_topic(topic)}

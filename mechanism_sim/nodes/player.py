@@ -1,4 +1,4 @@
-"""A node that replays a bag: it publishes what the bag holds, as the nodes of the run did."""
+"""A node that replays a bag: it publishes its messages like the nodes of the run."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from mechanism_sim.terminal import print_notice
 from ros_interfaces.names import InvalidNameError
 from ros_interfaces.stamps import stamp_at
 
-_LOOK = 0.05  # [s] between two looks at the subscriptions
-_QUIET = 0.4  # [s] in which none is added: all that are there are known
-_BEAT = 0.1  # [s] between two looks for a signal
+_LOOK = 0.05  # [s] polling interval of subscriptions
+_QUIET = 0.4  # [s] without a new one, after which all are known
+_BEAT = 0.1  # [s] polling interval of signals
 
 
 @contextmanager
@@ -36,12 +36,12 @@ def player(patience: float = 10.0) -> Iterator[BagPlayer]:
 
     Parameters
     ----------
-    patience : [s] in which subscriptions are looked for before it begins
+    patience : time for discovery of subscriptions before the start [s]
 
     Raises
     ------
     InputError
-        If what it is to play is no message or topic.
+        If a message or topic to be played is invalid.
     RunError
         If there is no network.
     """
@@ -60,16 +60,16 @@ def player(patience: float = 10.0) -> Iterator[BagPlayer]:
 
 
 def playable(bag: Bag, topics: Sequence[str] = ()) -> list[str]:
-    """The topics that are to be played; others of the bag are named on standard error.
+    """The topics to be played; others of the bag are listed on standard error.
 
     Parameters
     ----------
-    topics : those wanted, all without any
+    topics : requested topics; default: all
 
     Raises
     ------
     InputError
-        If one that is wanted cannot be published, or none of all.
+        If a requested one cannot be published, or none of all.
     """
     wanted = list(topics) or list(bag.topics)
     hindered = {name: why for name in wanted if (why := _hindrance(bag, name))}
@@ -84,7 +84,7 @@ def playable(bag: Bag, topics: Sequence[str] = ()) -> list[str]:
 
 
 def _hindrance(bag: Bag, name: str) -> str:
-    """Reason why a topic cannot be published; empty if it can or is not in the bag."""
+    """Reason why a topic cannot be published; empty if it can, or is not in the bag."""
     topic = bag.topics.get(name)
     if topic is None:
         return ''
@@ -100,7 +100,7 @@ def _hindrance(bag: Bag, name: str) -> str:
 
 
 class BagPlayer:
-    """Publishes what bags hold."""
+    """Publisher of the messages of bags."""
 
     def __init__(self, node: Node, patience: float) -> None:
         self._node, self._patience = node, patience
@@ -115,19 +115,19 @@ class BagPlayer:
         clock: float | None = None,
         told: Callable[[float, int], None] = lambda _t, _n: None,
     ) -> int:
-        """Publish what a bag holds, as its nodes did; how many messages there were.
+        """Publish the messages of a bag like its nodes; returns their number.
 
         Parameters
         ----------
-        topics : those wanted, see `playable`
-        rate : recorded seconds per second; 0 as fast as possible
-        start : [s] after the first message
-        clock : Hz of messages on ``/clock`` with the time of the bag, if it has none
+        topics : requested topics, see `playable`
+        rate : recorded seconds per second; 0 for as fast as possible
+        start : start after the first message [s]
+        clock : rate of messages on ``/clock`` with the time of the bag [Hz], if it has none
 
         Raises
         ------
         InputError
-            If others publish on these topics: who hears both takes them for one run.
+            If others publish on these topics: subscribers would take both for one run.
         """
         self._refuse_others([t for t in topics if t in bag.topics] + ['/clock'] * bool(clock))
         publishers = {
@@ -160,7 +160,7 @@ class BagPlayer:
         return count
 
     def _refuse_others(self, topics: Sequence[str]) -> None:
-        """InputError if there are publishers of topics that are to be played."""
+        """InputError if there are publishers of topics to be played."""
         time.sleep(max(0.0, self._joined + SETTLE - time.monotonic()))
         speakers = {t: self._node.get_publishers_info_by_topic(t) for t in topics}
         if taken := [topic for topic, found in speakers.items() if found]:
@@ -175,7 +175,7 @@ class BagPlayer:
 
 
 def _wait_for_subscriptions(publishers: Sequence[Publisher], patience: float) -> None:
-    """Wait until no more subscriptions to what is to be played are found."""
+    """Wait until no more subscriptions to topics to be played are found."""
     began = last = time.monotonic()
     seen: list[int] = []
     while time.monotonic() - last < _QUIET and time.monotonic() - began < patience:

@@ -1,4 +1,4 @@
-"""Running nodes in this process, until they are done or something ends them."""
+"""Running nodes in this process, until they are done or are ended."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def run_nodes(
     ros_args: Sequence[str] = (),
     stop: Callable[[int], None] | None = None,
 ) -> int:
-    """Make nodes, run them until all are done, and take them down in good order.
+    """Make nodes, run them until all are done, and destroy them in order.
 
     Parameters
     ----------
-    make : makes the nodes, once the network is joined
-    running : whether to go on, called ten times a second; until all nodes are done if not given
-    ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
-    stop : called with the exit code, before the network is left, when the end comes early
+    make : function that makes the nodes, called after joining the network
+    running : condition to continue, polled at 10 Hz; default: until all nodes are done
+    ros_args : ``--ros-args ...``: names, remaps and parameters in the syntax of ROS
+    stop : callback with the exit code at an early end, before leaving the network
 
     Returns
     -------
@@ -74,7 +74,7 @@ def run_nodes(
         if leaving and first:
             process_exit.later(_PATIENCE_AFTER_INTERRUPT, process_exit.quit_now)
         for executor in executors:
-            # It may wait for messages: it is to look at once.
+            # Wake the executor if it waits for messages.
             executor.wake()
         return None
 
@@ -90,7 +90,7 @@ def run_nodes(
                 node.name_strangers()
             if any(node.keeps for node in nodes):
                 process_exit.allow(PATIENCE)
-            gc.freeze()  # what is there now stays: the collector need not look through it
+            gc.freeze()  # objects until now are permanent: excluded from garbage collection
             _keep_memory()
             while not asked_to_end and ok():
                 if not (running() if running else not all(node.done for node in nodes)):
@@ -123,14 +123,14 @@ def run_nodes(
 
 
 def _keep_memory() -> None:
-    """Let glibc keep what is freed: pieces of motion would be mapped anew, page by page."""
+    """Let glibc keep freed memory, which pieces of motion would otherwise map again."""
     if mallopt := getattr(ctypes.CDLL(None), 'mallopt', None):
         for option, size in _MALLOPT.items():
             mallopt(option, size)
 
 
 def _tell(nodes: Sequence[DescribedNode], error: Exception, code: int) -> int:
-    """Print why nodes end, and log it as the node concerned; returns the exit code."""
+    """Print and log the reason of the end of a node; returns the exit code."""
     sayer = [n for n in nodes if str(error).startswith(f'{n.get_name()}: ')] or nodes
     if sayer and ok():
         log_end(sayer[0], str(error))
@@ -139,7 +139,7 @@ def _tell(nodes: Sequence[DescribedNode], error: Exception, code: int) -> int:
 
 @contextmanager
 def _signals_to(handler: Callable[[int, Any], None]) -> Iterator[None]:
-    """Handle signals, also where a shell started us in the background and had SIGINT ignored."""
+    """Handle signals, also SIGINT in the background, which shells ignore."""
     before = [signal.signal(number, handler) for number in process_exit.SIGNALS]
     try:
         yield
@@ -149,7 +149,7 @@ def _signals_to(handler: Callable[[int, Any], None]) -> Iterator[None]:
 
 
 def report_end(name: str, code: int) -> int:
-    """Print why another process ended if it did not; returns the exit code of this one."""
+    """Print the reason of a failed process unless it did; returns the exit code of this one."""
     if code < 0:
         return print_error(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
     if code == process_exit.INTERRUPTED:
@@ -158,12 +158,12 @@ def report_end(name: str, code: int) -> int:
 
 
 def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
-    """Let recording nodes store, after a failure, the messages published until then."""
+    """Let recording nodes store messages published before a failure."""
     until = time.monotonic() + _PATIENCE_AFTER_FAILURE
     for node in nodes:
         if not node.keeps:
             executor.remove_node(node)
-    with suppress(RunError, MiddlewareError):  # of partners that have failed, which was printed
+    with suppress(RunError, MiddlewareError):  # failures of partners have been printed
         while executor.get_nodes() and time.monotonic() < until:
             executor.spin_once(timeout_sec=0.1)
 
@@ -171,7 +171,7 @@ def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> N
 def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None = None) -> None:
     """The main function of a node's executable: options become parameters of the node.
 
-    What follows ``--ros-args``, such as ``-p scene:=NAME -r __ns:=/left``, is taken as by any node
+    Those after ``--ros-args``, such as ``-p scene:=NAME -r __ns:=/left``, are read as by any node
     of ROS.
     """
     parser = Parser(description=(node.__doc__ or '').strip().splitlines()[0])
@@ -201,7 +201,7 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
 
 
 def _add_node_options(parser: argparse.ArgumentParser) -> None:
-    """Options that every node has."""
+    """Add the options common to all nodes."""
     parser.add_argument('--scene', help='scene of the package, or path to a YAML file')
     parser.add_argument(
         '--set', action='append', metavar='PATH=VALUE', dest='overrides', help='override a value'
@@ -227,6 +227,6 @@ def _add_node_options(parser: argparse.ArgumentParser) -> None:
 
 
 def parameters_of(options: argparse.Namespace) -> list[Parameter]:
-    """Parameters for what was given on the command line."""
+    """Parameters from options of the command line."""
     given = {k: x for k, x in vars(options).items() if x is not None and x is not False}
     return [Parameter(key, value=value) for key, value in given.items()]

@@ -1,7 +1,7 @@
-"""Messages of samples, when each is due, from samples of the engine; events: `messages.events`.
+"""Sample messages and their times, from samples of the engine; events: `messages.events`.
 
-Each function gives what writes the messages of one topic: from samples of the machine at N
-instants N serialised messages.
+Each function returns the writer of messages of a topic: from samples of the machine at N
+instants to N serialised messages.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
 
 
 def joint_states(physics: Physics) -> Callable[[View], list[bytes]]:
-    """JointState messages: angles and displacements of the links; the effort is the drives'."""
+    """JointState messages: angles and displacements of links; efforts are those of drives."""
     names = list(physics.coordinates)
     driven, none = [names.index(c) for c in physics.driven], float64_array(np.zeros(len(names)))
     layout = Layout(JointState(name=names, position=none, velocity=none, effort=none))
@@ -66,7 +66,7 @@ def joint_states(physics: Physics) -> Callable[[View], list[bytes]]:
 
 
 def _rows(view: View, names: Sequence[str], missing: float = np.nan) -> Array:
-    """Quantities (k, N) by name; where the machine has none of a name, `missing`."""
+    """Quantities (k, N) by name; `missing` for names that are not in the machine."""
     known, none = catalogue(view.machine), np.full(len(view.t), missing)
     return np.array([known[name].evaluate(view) if name in known else none for name in names])
 
@@ -104,7 +104,7 @@ def linkage_states(machine: Machine, world: str) -> Callable[[View], list[bytes]
         if elastic:
             columns['deflections'] = _rows(view, [f'deflection.{link}' for link in elastic]).T
             columns['stresses'] = _rows(view, [f'stress.{link}' for link in elastic]).T
-        if not o.drive_torque.size:  # nor are energies known
+        if not o.drive_torque.size:  # neither torques nor energies are known
             columns |= dict.fromkeys(_ENERGIES, np.zeros(len(view.t)))
         return layout.write(view.t, columns)
 
@@ -142,7 +142,7 @@ def reactions(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
 
 
 def _out_of_plane(view: View, joints: Sequence[str]) -> dict[str, Array]:
-    """Forces and moments (j, N) in joints out of the plane, 0 in those that take none."""
+    """Forces and moments (j, N) in joints out of the plane; 0 in joints without them."""
     names = {'force_z': 'axial_force.{}', 'moment_x': 'bearing_moment.{}.x',
              'moment_y': 'bearing_moment.{}.y'}  # fmt: skip
     return {
@@ -221,14 +221,14 @@ def _wrench(
 
 
 def _joint_frame(joint: str, frame_of: Callable[[str], str]) -> str:
-    """The frame of a joint: at its point on its second link, and turning with that."""
+    """The frame of a joint: at its point on its second link, and fixed to that."""
     return frame_of(f'joint/{joint}')
 
 
 def joint_transforms(
     joints: Iterable[str], mechanism: Mechanism, frame_of: Callable[[str], str]
 ) -> Any:
-    """TFMessage of the frames of joints in those of their second links, which never change."""
+    """TFMessage of constant frames of joints in those of their second links."""
     frames = []
     for name in joints:
         joint = mechanism.joint(name)
@@ -258,7 +258,7 @@ def transforms(
         q: Any = dict(zip(mechanism.coordinates, angles.T, strict=True))
         for i, link in enumerate(links):
             x, y = mechanism.locate_all(link, angles.T)
-            half = 0.5 * mechanism.angle(link, q)  # at all instants
+            half = 0.5 * mechanism.angle(link, q)  # half angles at all instants
             inner = {'translation.x': x, 'translation.y': y,
                      'rotation.z': np.sin(half), 'rotation.w': np.cos(half)}  # fmt: skip
             columns |= {f'transforms[{i}].transform.{name}': v for name, v in inner.items()}
@@ -268,7 +268,7 @@ def transforms(
 
 
 class SampleTopic(NamedTuple):
-    """A topic of samples: when they are due, what writes them, how many for each instant."""
+    """A topic of samples: its schedule, its writer, and the number of messages per instant."""
 
     publisher: Any
     schedule: Schedule
@@ -277,9 +277,9 @@ class SampleTopic(NamedTuple):
 
 
 class SampleTopics:
-    """Publishes states, forces and frames at the instants at which they are due.
+    """Publisher of states, forces and frames at their due instants.
 
-    Its topics are those of the node's first machine; later runs are of machines of its structure.
+    Its topics are those of the node's first machine; later machines have the same structure.
     """
 
     def __init__(self, node: SimulationNode) -> None:
@@ -300,10 +300,10 @@ class SampleTopics:
         self.start_over()
 
     def start_over(self) -> None:
-        """A run begins, or begins anew, of the machine that the node has now."""
+        """Start of a run with the node's present machine."""
         self._machine, frame, publisher = self._node.machine, self._node.frame, self._publishers
         machine, world, outputs = self._machine, frame(WORLD), self._machine.scene.outputs
-        writers = [  # what controllers wait for comes first
+        writers = [  # first the topic for which controllers wait
             ('joint_states', outputs.joint_states, joint_states(machine.physics)),
             ('linkage_state', outputs.linkage_state, linkage_states(machine, world)),
         ]
@@ -330,20 +330,20 @@ class SampleTopics:
         self._write_frames = transforms(machine.mechanism, frame)
 
     def show_again(self, since: float) -> None:
-        """Publish joint states once more that a controller has not seen; its last has left.
+        """Publish the last joint states again, for a controller that has replaced another.
 
-        Those of `since` [s], when the last command holds, too: an end that is rounded up has both.
+        Also those of `since` [s], when the last command holds: an end that is rounded up has both.
         """
         for t, write in self._last:
             if t == self._last[-1][0] or math.isclose(t, since):
                 self._node.send_all(self._topics[0].publisher, 1, write)
 
     def publish(self, motion: Motion, balance: Callable[[], EnergyTerms]) -> None:
-        """Publish the samples that are due before the end of a motion that follows the last."""
+        """Publish the samples due before the end of a motion that continues the last one."""
         curve, views = motion.curve, dict[bytes, View]()
 
         def view(t: Array) -> View:
-            """Topics that are due at the same instants share what is computed."""
+            """Samples at times (N,) [s], shared by topics with the same instants."""
             key = t.tobytes()
             if key not in views:
                 views[key] = View.at(self._machine, motion, t, balance)

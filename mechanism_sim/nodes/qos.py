@@ -1,4 +1,4 @@
-"""Quality of service of the topics: what carries results is never dropped."""
+"""Quality of service of the topics: results are never dropped."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from mechanism_sim.nodes.middleware import (
 )
 from mechanism_sim.recording.rosbag2 import Qos
 
-#: Results: the publisher waits for slow subscribers, nothing is lost.
+#: Results: the publisher waits for slow subscribers, no message is lost.
 RESULTS = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE, depth=1000
 )
 
-#: Descriptions: whoever comes late gets the last one.
+#: Descriptions: late subscribers get the last one.
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1,
@@ -24,28 +24,28 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-#: The clock: only the newest matters.
+#: The clock: only the newest message is kept.
 CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
 )
 
-#: The clock for who records it: not only the newest of what came while it was busy.
+#: The clock for recording: all messages received while the recorder was busy.
 CLOCK_HEARD = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT
 )
 
-#: by the delivery of a topic
+#: profiles by delivery of a topic
 PROFILES: dict[Delivery, QoSProfile] = {'results': RESULTS, 'latched': LATCHED, 'clock': CLOCK}
 
 
 def policies(profile: QoSProfile) -> Qos:
-    """A profile as a bag has it: its policies by name."""
+    """A profile in the form of a bag: its policies by name."""
     named = {x: getattr(profile, x).name.lower() for x in ('reliability', 'durability', 'history')}
     return Qos(**named, depth=profile.depth)
 
 
 def profile_of(qos: Qos | None) -> QoSProfile:
-    """The profile under which a topic of a bag was recorded; the usual one where none is known."""
+    """The recorded profile of a topic of a bag; the usual one if unknown."""
     if qos is None:
         return QoSProfile(depth=10)
     words = {word.lower() for word in (qos.reliability, qos.durability, qos.history)}

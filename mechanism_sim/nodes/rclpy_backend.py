@@ -1,13 +1,13 @@
 """The names of `zenoh_rclpy.surface`, from rclpy.
 
-Beyond rclpy, a `Node` drops messages that nobody of good faith would have sent.
+In addition, a `Node` drops malformed messages.
 
-What differs from rclpy:
+Differences from rclpy:
 
-- ``init`` leaves signals alone that the program handles itself.
+- ``init`` does not replace signal handlers of the program.
 - A response of ``call`` needs an executor that spins the node in another thread.
 - ``qos_overriding_options`` change the profile that is given with them: give each endpoint a copy.
-- The future of a service that goes away is never done.
+- The future of a service that disappears is never done.
 """
 
 import inspect
@@ -78,7 +78,7 @@ from ros_interfaces.similarity import SimilarMessages
 
 try:
     from mechanism_sim.nodes.rclpy_executor import SingleThreadedExecutor
-except ImportError:  # a rclpy of another make
+except ImportError:  # another version of rclpy
     from rclpy.executors import SingleThreadedExecutor  # type: ignore[no-redef]
 
 __all__ = [
@@ -159,24 +159,24 @@ PATIENCE, RETRY = 60.0, 0.005
 """[s] that a publisher with a full queue waits for slow subscribers, and between two tries."""
 
 
-_writes: BlockedWrites | None = None  # between `init` and `leave`, of programs of this package
+_writes: BlockedWrites | None = None  # between `init` and `leave`, in programs of this package
 
 
 class MiddlewareError(RuntimeError):
-    """The network, a name or a call is not as it should be; the text says what to do."""
+    """Error of the network, a name or a call; the text has the remedy."""
 
 
 class Node(rclpy.node.Node):  # type: ignore[misc]
     """A node of rclpy.
 
-    Its subscriptions judge what comes, and hand over all that is there. Its publishers wait where
+    Its subscriptions validate messages, and pass on all that are queued. Its publishers wait if
     a queue is full: rmw returns an error then. After `PATIENCE` they raise MiddlewareError.
     """
 
     def __init__(self, *given: Any, **how: Any) -> None:
         try:
             super().__init__(*given, **how)
-        except RCLError as error:  # such as a configuration of the middleware that it refuses
+        except RCLError as error:  # such as an invalid configuration of the middleware
             raise MiddlewareError(f'no node can be made here: {error}') from error
 
     def create_publisher(self, *given: Any, **how: Any) -> Any:
@@ -194,7 +194,7 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                     return
                 except RCLError as error:
                     if not ok(context=self.context):
-                        return  # the network is left
+                        return  # network left
                     if time.monotonic() > end:
                         raise MiddlewareError(
                             f'{topic}: a subscriber has read nothing for {PATIENCE:g} s, and the '
@@ -211,10 +211,10 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
             try:
                 with write(), publisher.handle:
                     for message in messages:
-                        # bytes given to the other are refused with all of them as text
+                        # the other would refuse bytes with a message that contains all of them
                         (raw if isinstance(message, bytes) else plain)(message)
                         done += 1
-            except RCLError:  # a queue that is full
+            except RCLError:  # full queue
                 for message in messages[done:]:
                     publish_when_possible(message)
 
@@ -271,7 +271,7 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
 def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:
     """``rclpy.init``, with handlers for those signals that the program does not handle itself.
 
-    DDS is told to wait longer for subscribers that are stopped, unless its environment says more.
+    DDS is configured to wait longer for stopped subscribers, unless set by its environment.
 
     Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
     """
@@ -301,14 +301,14 @@ def publish_all(publisher: Any, messages: Sequence[Any]) -> None:
 
 
 def log_end(node: Any, reason: str) -> None:
-    """Log why a node ends: on ``/rosout``, in the log file, and in its form on standard error."""
+    """Log the reason of a node's end: on ``/rosout``, in the log file, on standard error."""
     node.get_logger().fatal(reason)
 
 
 def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:
-    """Take nodes down and leave the network, once others have what the nodes published.
+    """Destroy nodes and leave the network, once others have received their messages.
 
-    Raises MiddlewareError if they have not after `patience` [s].
+    Raises MiddlewareError if they have not within `patience` [s].
     """
     global _writes  # noqa: PLW0603
     nodes = list(nodes)

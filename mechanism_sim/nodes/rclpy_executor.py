@@ -3,10 +3,10 @@
 For each turn of callbacks rclpy makes a wait set of all entities, which the middleware attaches
 one by one, and for each callback a task that wakes the executor twice more. That costs more than
 most callbacks. Subscriptions and timers with plain callbacks, nearly all that happens in a run,
-are served here, and services and clients in turn with them: rclpy hands on what is ready kind by
+are served here, and services and clients in turn with them: rclpy serves ready entities kind by
 kind, one at a time, and services come after all timers and subscriptions, which on a busy machine
-is never. All else is left to rclpy. Importing this raises ImportError where rclpy lacks the
-parts that it needs and that are not promised; rclpy's own executor does the same.
+is never. Other entities are left to rclpy. Importing this raises ImportError if rclpy lacks the
+private parts used here; rclpy's own executor is equivalent.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ of which rclpy has two for each endpoint."""
 
 
 class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: ignore[misc]
-    """Runs callbacks in the thread that calls ``spin`` or ``spin_once``."""
+    """Executor of callbacks in the thread that calls ``spin`` or ``spin_once``."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -46,23 +46,23 @@ class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: i
         self._due: deque[tuple[Callable[[Any], None], Any]] = deque()
 
     def wake(self) -> None:
-        """Look around anew: an entity has come or gone."""
+        """Update the entities after one has been added or removed."""
         self._changed = True
         super().wake()
 
     def add_node(self, node: Any) -> bool:
-        """Take on a node; False if it is here already."""
+        """Add a node; False if it has been added already."""
         self._changed = True
         return bool(super().add_node(node))
 
     def remove_node(self, node: Any) -> None:
-        """Let a node go."""
+        """Remove a node."""
         super().remove_node(node)
         self._changed = True
-        self._due.clear()  # what is due will be found again
+        self._due.clear()  # due entities will be found again
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Run one callback, or none if none is due within ``timeout_sec`` or `LOOK` [s]."""
+        """Run one callback, if one is due within ``timeout_sec`` or `LOOK` [s]."""
         if not self._due and not self._is_shutdown:
             waiting = any(not task.done() for task, *_ in self._tasks)
             left = LOOK if timeout_sec is None or timeout_sec < 0.0 else timeout_sec
@@ -76,12 +76,12 @@ class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: i
                 run(entity)
 
     def _wait(self, seconds: float) -> bool:
-        """Wait until anything is due; true if that is anything for rclpy."""
+        """Wait until an entity is due; True if it is left to rclpy."""
         if self._changed:
             self._gather()
         found = self._wait_set
         found.clear_entities()
-        free: dict[Any, bool] = {}  # whether callbacks of a group may run
+        free: dict[Any, bool] = {}  # True by group whose callbacks may run
         for entity, add, handle in self._entities:
             group = entity.callback_group
             if group not in free:
@@ -105,7 +105,7 @@ class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: i
         return others
 
     def _gather(self) -> None:
-        """Make a wait set for the entities that there are now."""
+        """Make a wait set for the present entities."""
         self._changed = False
         nodes = self.get_nodes()
         timers, subscriptions, clients, services, waitables, guards = (
@@ -151,7 +151,7 @@ class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: i
         }
 
     def _hand_over(self, node: Any, take: Callable[[Any], Any], entity: Any) -> None:
-        """Let rclpy take a request or a response and call what waits for it."""
+        """Let rclpy take a request or a response and call its handler."""
         handler = self._make_handler(entity, node, take)
         handler()
         if handler.exception() is not None:

@@ -1,4 +1,4 @@
-"""The recorder: writes everything the run publishes to one MCAP file."""
+"""The recorder, which writes all messages of a run to an MCAP file."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
 _IN_ARRAY = 'tf2_msgs/msg/TFMessage', 'visualization_msgs/msg/MarkerArray'
-_PARENT = 20  # where the first frame of a TFMessage begins to say in which it is
-LOSS_TIMEOUT = 10.0  # [s] to wait for messages that were announced and have not come
+_PARENT = 20  # offset of the parent frame's name in a TFMessage
+LOSS_TIMEOUT = 10.0  # [s] to wait for announced messages
 
 
 class Recorder(SimulationNode):
-    """Records all topics of a run until every partner has finished and all has come.
+    """Node that records a run until all partners have finished and all messages are received.
 
     A reset ends the bag: the next run goes to a bag of its own, ``run-2.mcap`` after ``run.mcap``.
-    The time it reports is that up to which all that was announced is in the bag, which ends with
+    The time it reports is that up to which all announced messages are in the bag, which ends with
     the end of ``/clock`` if the drive has a clock. Parameters of the
     node, besides those of every node: ``file``, the bag to write; ``overwrite``.
     """
@@ -45,17 +45,17 @@ class Recorder(SimulationNode):
         if not self.value('file'):
             raise InputError('recorder: give the bag to write, for example --file run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
-        # Until all are there the run may be refused, and what comes may be another run's.
+        # Until all are present the run may be refused, and messages may be another run's.
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'), wait=True)
-        self._now, self._clock_time = 0, -1  # [ns] of the last message, of the last of the clock
-        self._reports: dict[str, Any] = {}  # reports by node whose messages may still be under way
-        self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
-        self._due: dict[str, int] = {}  # counts by topic at which to look again
+        self._now, self._clock_time = 0, -1  # [ns] time of the last message, of the last clock
+        self._reports: dict[str, Any] = {}  # reports by node with pending messages
+        self._complete: dict[str, float] = {}  # [s] by node, to which the bag is complete
+        self._due: dict[str, int] = {}  # counts by topic for the next review
         self._loss_deadline: float | None = None
         self._loss_timer: Timer | None = None
         self._ended, self._late = False, ''
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
-        self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
+        self._ahead: list[tuple[str, bytes, int]] = []  # messages of the next run, with times
         for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners.names):
             deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
             name = self.resolve_topic_name(topic)
@@ -67,7 +67,7 @@ class Recorder(SimulationNode):
         self.join()
 
     def begin_run(self, number: int) -> None:
-        """Go on with a bag of its own."""
+        """Start a new bag."""
         super().begin_run(number)
         self.writer.close()
         overwrite = self.value('overwrite')
@@ -89,7 +89,7 @@ class Recorder(SimulationNode):
             self._loss_timer = None
 
     def on_ready(self) -> None:
-        """Messages that came early are written now, but the recording began with them."""
+        """Begin the bag; the duration counts from the first message, even an early one."""
         self.writer.begin()
         for topic, (kind, qos) in self._topics.items():
             self.writer.add_topic(topic, type_name(kind), policies(qos))
@@ -104,7 +104,7 @@ class Recorder(SimulationNode):
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
-        # All machines share these topics: frames of another are in another world.
+        # All machines share these topics: frames of others have other parents.
         ours: tuple[bytes, ...] = ()
         if topic in ('/tf', '/tf_static'):
             bodies = self.machine.mechanism.bodies
@@ -119,13 +119,13 @@ class Recorder(SimulationNode):
                 now = whole * NANOSECONDS + part
                 if topic == '/clock':
                     if self._ended or now > self._announced:
-                        return  # of the run before: nothing else in such a message tells
+                        return  # of the previous run, recognised by its time only
                     self._clock_time = now
                 self._now = now
             if topic in tells and _run_of(data) == self.run + 1:
                 self.begin_run(self.run + 1)
             if self._ended and not self.done:
-                # Of the next run, which is not known here yet: topics do not wait for each other.
+                # Of the next run, not yet known here: topics have no relative order.
                 self._ahead.append((topic, data, self._now if kind != _NO_STAMP else 0))
                 return
             if self.writer.write(topic, data, self._now) == self._due.get(topic):
@@ -136,7 +136,7 @@ class Recorder(SimulationNode):
         return write
 
     def on_progress(self, message: Any) -> None:
-        """Record it, pass on how far the bag is complete, end when all have ended."""
+        """Record a report, report the complete part of the bag, end after all partners."""
         if message.run > self.run:
             self.begin_run(message.run)
         self._now = nanoseconds(message.header.stamp)
@@ -154,14 +154,14 @@ class Recorder(SimulationNode):
             self._finish()
 
     def _missing_counts(self, report: Any) -> dict[str, int]:
-        """Topics of which less is in the bag than a report announces, and how much."""
+        """Number of missing messages by topic, compared with the counts of a report."""
         counts = self.writer.counts
         announced = zip(report.topics, (int(n) for n in report.counts), strict=True)
         return {t: n - counts[t] for t, n in announced if t in counts and counts[t] < n
                 and t != self.resolve_topic_name('progress')}  # fmt: skip
 
     def _review(self) -> None:
-        """See whose messages are all in the bag, and report if that is news."""
+        """Update the times up to which nodes are complete, and report."""
         self._due.clear()
         for node, report in list(self._reports.items()):
             current, missing = report, self._missing_counts(report)
@@ -183,7 +183,7 @@ class Recorder(SimulationNode):
             self.report_soon(t)
 
     def _finish(self) -> None:
-        """End once everything announced is in the bag."""
+        """End once all announced messages are in the bag."""
         if self._ended:
             return
         missing = {
@@ -192,7 +192,7 @@ class Recorder(SimulationNode):
             for t, n in self._missing_counts(report).items()
         }
         late = self._loss_deadline is not None and time.monotonic() > self._loss_deadline
-        # The clock is no result: no count tells of it, and it may be lost.
+        # The clock is no result: it is not counted, and messages may be lost.
         if not missing and (late or self._clock_ended()):
             again = self.partners.another_follows
             self.report(self.partners.time, finished=True, again=again)
@@ -204,12 +204,12 @@ class Recorder(SimulationNode):
 
     @property
     def _announced(self) -> int:
-        """Time [ns] to which the law is announced in this run, as far as is known here."""
+        """Time [ns] to which the law is announced in this run, by the last report."""
         drive = self.partners.reports.get('crank_drive')
         return nanoseconds(drive.header.stamp) if drive else 0
 
     def _clock_ended(self) -> bool:
-        """True if the clock of the drive has come to the end, or the drive has none."""
+        """True if the clock of the drive has reached the end, or the drive has none."""
         drive = 'crank_drive', self.get_namespace()
         return self._clock_time >= self._announced or not any(
             (info.node_name, info.node_namespace) == drive
@@ -226,7 +226,7 @@ class Recorder(SimulationNode):
         return found
 
     def destroy_node(self) -> None:
-        """Finish the bag, whatever ended the run, with what came before all were there."""
+        """Finish the bag in any case, with messages received before all nodes were present."""
         if not self.ready and self._early and self.partners.alone:
             self.on_ready()
             self._take_early()
@@ -235,7 +235,7 @@ class Recorder(SimulationNode):
 
 
 def _run_of(data: bytes) -> int:
-    """Number of the run of a message that has it behind its header."""
-    end = 16 + int.from_bytes(data[12:16], 'little')  # of the name of the frame
+    """Number of the run of a message, behind its header."""
+    end = 16 + int.from_bytes(data[12:16], 'little')  # end of the frame's name
     end += -end % 4
     return int.from_bytes(data[end : end + 4], 'little')

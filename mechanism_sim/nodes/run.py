@@ -1,4 +1,4 @@
-"""A whole run: nodes a scene needs, in this process or each in its own, and their monitor."""
+"""A whole run: the nodes of a scene, in this process or each in its own, and their monitor."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ LOOK = 0.02
 
 @dataclass(frozen=True)
 class NodePlan:
-    """A run to be made.
+    """Plan of a run.
 
     Attributes
     ----------
-    scene : name or path, as given
+    scene : name or path of the scene, as given
     overrides : ``PATH=VALUE`` each
-    duration : [s]
+    duration : length of the run [s]
     record : bag to write, if any
-    paused : begin so, to be played or stepped by the services of the drive
+    paused : begin paused, to be played or stepped by services of the drive
     hold : pause at the end instead of ending
-    ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
-    display : whether viewers are to be served
+    ros_args : ``--ros-args ...``: names, remaps and parameters in the syntax of ROS
+    display : publish topics for viewers
     listeners : other nodes that must receive all messages
     """
 
@@ -132,15 +132,15 @@ class Outcome:
     code: int
     scene: str
     level: str
-    duration: float  #: [s] simulated, of the last run after resets, as all that follows
-    wall_time: float  #: [s] from the start of the first process to the end of the last
-    run_time: float  #: [s] from the first message to the last: by the bag, if there is one
-    realtime_factor: float  #: by `run_time`
-    realtime_factor_asked: float  #: 0: as fast as it goes
+    duration: float  #: simulated time [s]; this and all below of the last run after resets
+    wall_time: float  #: wall time [s] from the start of the first process to the end of the last
+    run_time: float  #: wall time [s] from the first message to the last: by the bag, if any
+    realtime_factor: float  #: simulated time over `run_time`
+    realtime_factor_asked: float  #: requested factor; 0 for no limit
     impacts: int
-    sent: dict[str, int]  #: messages by topic, as the nodes but the recorder counted them
-    bag: str | None  #: of the last run
-    earlier_bags: list[str]  #: of those that a reset ended
+    sent: dict[str, int]  #: messages by topic, counted by all nodes but the recorder
+    bag: str | None  #: path of the bag of the last run
+    earlier_bags: list[str]  #: paths of bags of runs ended by a reset
     middleware: str  #: 'rclpy' or 'zenoh'
 
     def to_json(self) -> dict[str, object]:
@@ -165,19 +165,19 @@ class Outcome:
 
 
 def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
-    """Make a run; `processes` gives each node a process of its own."""
+    """Carry out a run; `processes`: each node in a process of its own."""
     made = {} if processes else {name: node_class(name) for name in plan.nodes}
     began = time.monotonic()
     first = Path(plan.record) if plan.record else None
-    taken: set[Path] = set()  # names that a bag of a later run does not get
+    taken: set[Path] = set()  # names not available for bags of later runs
     if first and not plan.overwrite:
         taken |= {*first.parent.glob(f'{glob.escape(first.stem)}-*')}
     monitors: list[Monitor] = []
 
     def watch() -> Monitor:
-        # First the network, with its router, then those who join it.
+        # First the network, with its router, then its nodes.
         monitors.append(Monitor(plan.parameters(MONITOR), show))
-        # Nodes of another run would be taken for these until these are there.
+        # Nodes of another run could be taken for these before these are present.
         while not monitors[0].partners.came_first():
             time.sleep(LOOK)
         return monitors[0]
@@ -193,7 +193,7 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     sent: dict[str, int] = {}
     for message in monitor.partners.reports.values() if monitor else ():
         if message.node == 'recorder':
-            continue  # its own reports, which are in no bag
+            continue  # the recorder's own reports, which are in no bag
         for topic, count in zip(message.topics, message.counts, strict=True):
             sent[topic] = sent.get(topic, 0) + int(count)
     simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)
@@ -230,7 +230,7 @@ class _Children:
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         for name in plan.nodes:
             command = [sys.executable, '-m', 'mechanism_sim', 'node', name]
-            # The monitor is no partner, but has to hear how each node ends.
+            # The monitor is no partner, but must receive the end of each node.
             listeners = [*plan.listeners, f'{MONITOR}:progress']
             for key, value in (plan.options(name) | {'listeners': listeners}).items():
                 option = f'--{key.replace("_", "-")}'
@@ -245,7 +245,7 @@ class _Children:
         self._next_look = 0.0
 
     def running(self) -> bool:
-        """True if any still runs; one that fails makes all others end."""
+        """True if any still runs; the failure of one ends all others."""
         now = time.monotonic()
         if now < self._next_look:
             return True
@@ -260,7 +260,7 @@ class _Children:
         return None in codes.values()
 
     def interrupt(self, code: int) -> None:
-        """Ask all to end, for a reason that has this exit code."""
+        """Signal all to end, for a reason with this exit code."""
         self.code = self.code or code
         self._deadline = self._deadline or time.monotonic() + _END_PATIENCE
         for process in self._processes.values():
@@ -297,13 +297,13 @@ def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
 
 
 class Monitor(SimulationNode):
-    """Follows the progress of all partners; no node waits for it.
+    """Monitor of the progress of all partners; no node waits for it.
 
     Attributes
     ----------
-    time : [s] up to which every partner has come
-    impacts : published so far
-    run_time : [s] since the first progress of the run
+    time : time reached by every partner [s]
+    impacts : number of impacts published so far
+    run_time : wall time since the first progress of the run [s]
     """
 
     def __init__(self, parameters: Sequence[Parameter] = (), show: Show | None = None) -> None:
@@ -334,5 +334,5 @@ class Monitor(SimulationNode):
             self._show(self.time, factor, self.impacts)
 
     def idle(self) -> bool:
-        """True if nothing more is to be expected: all reports are in, or none came for 1 s."""
+        """True if no more reports are expected: all received, or none for 1 s."""
         return self.done or time.monotonic() - self._heard > 1.0

@@ -1,4 +1,4 @@
-"""Values of a scene, and their change between two runs."""
+"""Values of a scene, and their changes between two runs."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ SCENE, OVERRIDES = 'scene', 'overrides'
 
 
 class Content(NamedTuple):
-    """Machine that a node is to run: parameters ``scene`` and ``overrides``."""
+    """Machine of a node's runs, by its parameters ``scene`` and ``overrides``."""
 
     scene: str
     overrides: str
 
     @staticmethod
     def declare(node: DescribedNode) -> Content:
-        """Declare the parameters; gives back the content that they name."""
+        """Declare the parameters; returns their content."""
         when = 'from the next reset on; set that of crank_drive'
         about = f'Name of a scene of the package, or path of a file; {when}'
         node.declare(SCENE, 'four_bar_clearance', about)
@@ -32,16 +32,16 @@ class Content(NamedTuple):
 
     @staticmethod
     def of(node: DescribedNode) -> Content:
-        """The content that the parameters of a node name."""
+        """The content of a node's parameters."""
         return Content(node.value(SCENE), lines_of(node.value(OVERRIDES)))
 
     def changed(self, parameters: Sequence[Parameter]) -> Content:
-        """Content with other values of those that are texts; the node refuses others."""
+        """Content with changed values, if they are texts; the node refuses others."""
         given = {p.name: lines_of(p.value) for p in parameters if p.name in (SCENE, OVERRIDES)}
         return Content(given.get(SCENE, self.scene), given.get(OVERRIDES, self.overrides))
 
     def parameters(self) -> list[Parameter]:
-        """The parameters of which it is the values."""
+        """The parameters with these values."""
         return [Parameter(n, value=x) for n, x in zip((SCENE, OVERRIDES), self, strict=True)]
 
     @property
@@ -50,7 +50,7 @@ class Content(NamedTuple):
         return [line for line in self.overrides.splitlines() if line.strip()]
 
     def load(self) -> Machine:
-        """The machine; raises InputError if the scene is not good."""
+        """The machine; raises InputError if the scene is not valid."""
         return validate(load_scene(self.scene, self.lines))
 
 
@@ -75,7 +75,7 @@ def next_machine(present: Machine, asked: Content) -> Machine:
 
 
 def _structure(machine: Machine) -> dict[str, list[str]]:
-    """Names that nodes and messages of a run are made for; causes come first."""
+    """Names on which nodes and messages of a run depend, causes first."""
     plan, mechanism, scene = machine.plan, machine.mechanism, machine.scene
     commands = machine.drive.commands
     return {

@@ -1,4 +1,4 @@
-"""The sensors of a scene: measure the published motion, in blocks."""
+"""The sensors of a scene, which measure the published motion in blocks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ros_interfaces.layout import Layout
 
 
 class _Sensor:
-    """One sensor: its channel, and the fields of its messages beside the samples."""
+    """A sensor: its channel, and the fields of its messages beside the samples."""
 
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         sensor = machine.scene.sensors[name]
@@ -37,7 +37,7 @@ class _Sensor:
         self._channel.take(motion)
 
     def messages(self, final: bool) -> list[bytes]:
-        """The blocks that are full, or all that is left."""
+        """Messages of full blocks, or of all remaining samples."""
         found: list[bytes] = []
         for size, group in groupby(self._channel.blocks(final), lambda block: len(block.samples)):
             blocks = list(group)
@@ -51,7 +51,7 @@ class _Sensor:
         return found
 
     def _layout(self, size: int) -> Layout:
-        """Layout of a message with a block of `size` samples, kept for the next of that size."""
+        """Layout of a message with a block of `size` samples, cached by size."""
         if size not in self._layouts:
             self._message.samples = float64_array(np.zeros(size))
             self._layouts = {size: Layout(self._message)}
@@ -63,7 +63,7 @@ _EXACT = 1e-9
 
 
 class _Unit:
-    """One sensor as an inertial unit, by the conventions of REP-145."""
+    """A sensor as an inertial unit, by the conventions of REP-145."""
 
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         scene = machine.scene.sensors[name]
@@ -86,7 +86,7 @@ class _Unit:
         self._unit.take(motion)
 
     def messages(self, final: bool) -> list[bytes]:
-        """The readings of full blocks, or all that is left."""
+        """Readings of full blocks, or of all remaining samples."""
         found: list[bytes] = []
         for readings in self._unit.readings(final):
             t, acceleration, angle, rate = readings
@@ -102,7 +102,7 @@ class _Unit:
 
 
 class Sensors(SimulationNode):
-    """Publishes every sensor of the scene on ``KIND/NAME``, if asked on ``imu/NAME``."""
+    """Node that publishes each sensor on ``KIND/NAME``, and if requested on ``imu/NAME``."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('sensors', parameters)

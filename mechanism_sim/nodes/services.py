@@ -1,4 +1,4 @@
-"""Services of standard interfaces: how a node serves them, and what its answers have in common."""
+"""Services of standard interfaces: registration at a node, and common parts of answers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def serve(
 
     Parameters
     ----------
-    answers : by name, which may begin with ``~/``
+    answers : handlers by name, which may begin with ``~/``
     """
     for name, answer in answers.items():
         words = name.removeprefix('~/').split('_')
@@ -31,7 +31,7 @@ def serve(
 
 
 def answered(response: Any, reason: str = '', code: int | None = None) -> Any:
-    """A response of `SIMULATION` with its result: good without a reason."""
+    """A response of `SIMULATION` with its result: success without a reason."""
     result = message_class(f'{SIMULATION}/msg/Result')
     if code is None:
         code = result.RESULT_OPERATION_FAILED if reason else result.RESULT_OK
@@ -40,11 +40,11 @@ def answered(response: Any, reason: str = '', code: int | None = None) -> Any:
 
 
 def uri_of(resource: Any, unsupported: int, missing: int) -> tuple[str, str, int | None]:
-    """The scene that a resource names; where it names none, why not, and which code that has.
+    """The scene of a resource; if there is none, the reason and its code.
 
     Parameters
     ----------
-    unsupported, missing : codes of a text instead of a name, and of neither
+    unsupported, missing : codes for a text instead of a name, and for neither
     """
     if uri := resource.uri.removeprefix('file://'):
         return uri, '', None

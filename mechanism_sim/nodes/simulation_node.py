@@ -1,4 +1,4 @@
-"""Base of all nodes of a simulation: the scene, their partners, their record of deliveries."""
+"""Base of all nodes of a simulation: scene, partners, record of deliveries."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import Content, next_machine
 from mechanism_sim.scene import Machine, run_length
 
-_LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
-_REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
+_LOOK_PERIOD = 0.02  # [s] polling interval of the graph until all partners are present
+_REPORT_PERIOD = 0.01  # [s] interval of reports that are not urgent
 
 
 class SimulationNode(DescribedNode):
@@ -39,27 +39,27 @@ class SimulationNode(DescribedNode):
     if it is not given).
 
     Subclasses make their endpoints, the results first, and then `join`; they work in `on_ready`
-    and after. A node is `done` when it has nothing left to do. What comes while it is not `active`
-    waits.
+    and after. A node is `done` when it has nothing left to do. Messages received while it is not
+    `active` are queued.
 
     Attributes
     ----------
-    partners : the other nodes of the run
-    after_report : called when a partner has reported how far it has come
-    first_heard : when the first message of the run came, by ``time.monotonic`` [s]
+    partners : other nodes of the run
+    after_report : callback after a progress report of a partner
+    first_heard : arrival of the run's first message, by ``time.monotonic`` [s]
 
     Raises
     ------
     InputError
-        If the scene is not good.
+        If the scene is not valid.
     RunError
-        From callbacks: a partner never came, or left before it was finished.
+        From callbacks: a partner is missing, or left before it was finished.
     """
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(name, parameters)
         self.ready = False
-        self._once_ready: list[Future] = []  # who waits for that
+        self._once_ready: list[Future] = []  # futures of `until_ready`
         self.active = True
         self.counts: Counter[str] = Counter()
         self.partners = Partners(self)
@@ -90,7 +90,7 @@ class SimulationNode(DescribedNode):
         return run_length(self.machine, None, self.value('duration') or None)
 
     def _judge_content(self, parameters: list[Parameter]) -> Any:
-        """Refuse a scene that no run of these nodes could begin with."""
+        """Refuse a scene with which no run of these nodes could begin."""
         result = SetParametersResult(successful=True)
         asked = Content.of(self).changed(parameters)
         if asked != Content.of(self):
@@ -103,7 +103,7 @@ class SimulationNode(DescribedNode):
     # --- partners -----------------------------------------------------------------------------
 
     def join(self) -> None:
-        """Announce this node: its other endpoints are there, its partners may start."""
+        """Announce this node: its endpoints exist, its partners may start."""
         handle = self.once_ready(self._on_progress)
 
         def take(message: Any) -> None:
@@ -111,7 +111,7 @@ class SimulationNode(DescribedNode):
             handle(message)
 
         self.create_subscription(Progress, 'progress', take, RESULTS)
-        # The last endpoint to be declared: who sees it in the graph can rely on all others.
+        # Declared last: once it is in the graph, all other endpoints are, too.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
         self.create_timer(_REPORT_PERIOD, self._report_if_due)
         self.publish_diagnostics()
@@ -121,7 +121,7 @@ class SimulationNode(DescribedNode):
     def once_ready(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
         """Callback that keeps messages for `handle` until all partners are there.
 
-        What another run on the same network publishes is then never taken for a partner's.
+        Messages of another run on the same network are thus never taken for a partner's.
         """
 
         def take(message: Any) -> None:
@@ -135,27 +135,27 @@ class SimulationNode(DescribedNode):
         return take
 
     async def until_ready(self) -> None:
-        """Wait until all partners are there: a service is there before them."""
+        """Wait for all partners, since services exist before them."""
         if not self.ready:
             there: Future = Future()
             self._once_ready.append(there)
             await there
 
     def _take_early(self) -> None:
-        """Handle what came while this node was not ready, or not active."""
+        """Handle messages received while this node was not ready, or not active."""
         early, self._early = self._early, []
         for handle, message in early:
             handle(message)
 
     def on_ready(self) -> None:
-        """All partners are there."""
+        """Start of the work, once all partners are present."""
 
     def on_progress(self, message: Any) -> None:
-        """A partner reports how far it has come."""
+        """Progress report of a partner."""
         self.after_report()
 
     def _look(self) -> None:
-        """Begin when all partners are there; then see that none leaves."""
+        """Begin when all partners are present; then check that none leaves."""
         if self.ready:
             if self.first_heard is None and not self.done:
                 self.partners.name_silent_topics()
@@ -175,7 +175,7 @@ class SimulationNode(DescribedNode):
             self.on_progress(message)
 
     def begin_run(self, number: int) -> None:
-        """Everything begins anew at time 0: records of deliveries, state of partners, machine."""
+        """Reset to time 0: records of deliveries, state of partners, machine."""
         self._finished, self.first_heard = False, time.monotonic()
         if Content.of(self) != self._content:
             self.forget_machine()
@@ -183,7 +183,7 @@ class SimulationNode(DescribedNode):
         self.partners.begin_run(number)
 
     def forget_machine(self) -> None:
-        """Let the machine be made anew, of the scene that the parameters have now."""
+        """Discard the machine; the next one is built from the present parameters."""
         self._content = Content.of(self)
         for derived in ('machine', 'duration'):
             vars(self).pop(derived, None)
@@ -198,13 +198,13 @@ class SimulationNode(DescribedNode):
     def send_all(
         self, publisher: Any, count: int, make: Callable[..., Sequence[Any]], *given: Any
     ) -> None:
-        """Publish messages in their order, and count them; they are made if anybody hears them."""
+        """Publish messages in order and count them; they are made only for subscribers."""
         if count and publisher.is_heard():
             publish_all(publisher, make(*given))
         self.counts[publisher.topic_name] += count
 
     def report_soon(self, t: float) -> None:
-        """Report within `_REPORT_PERIOD`; calls within that time make one report."""
+        """Report within `_REPORT_PERIOD`; calls within that time are merged."""
         self._soon = t
 
     def _report_if_due(self) -> None:
@@ -212,9 +212,9 @@ class SimulationNode(DescribedNode):
             self.report(self._soon)
 
     def report(self, t: float, finished: bool = False, again: bool = False) -> None:
-        """Publish how far this node has come, and what it has published, this included.
+        """Publish the progress of this node and its message counts, this one included.
 
-        A report of its end is the last of a run, in whatever order messages come after it.
+        A report of its end is the last of a run, whatever messages come later.
         """
         self._soon = None
         if self._finished:

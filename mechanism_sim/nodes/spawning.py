@@ -1,8 +1,8 @@
-"""Machines that are added to a running simulation, and follow the time of its drive.
+"""Machines added to a running simulation, which follow the time of its drive.
 
 Each is a run of its own in a process of its own, below a namespace. It begins at time 0 and
-catches up before the answer is given: all machines of a simulation have one time, whenever they
-came, and move as they would alone.
+catches up before the response: all machines of a simulation have one time, whenever they
+were added, and move as they would alone.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ RESOURCE_PARSE_ERROR, INVALID_POSE, ENTITIES_SPAWN_FAILED = 106, 109, 150
 
 
 class LeadingDrive:
-    """The drive that a spawned machine follows, as its own drive knows it.
+    """The drive that a spawned machine follows, as seen by its own drive.
 
     Attributes
     ----------
-    time : [s] up to which it has announced its law; infinite without a leader
-    finished : whether it goes no further
-    run : number of its run since this machine is there
-    followed : whether this machine is beginning anew with it
+    time : time up to which its law is announced [s]; infinite without a leader
+    finished : True if it ends at `time`
+    run : number of its run, counted from the start of this machine
+    followed : True while this machine restarts with it
     """
 
     def __init__(self, node: Drive) -> None:
@@ -63,7 +63,7 @@ class LeadingDrive:
             space, _, self._short = self.name.rpartition('/')
             self._topic = f'{space}/progress'
             self._missing_since: float | None = None
-            # Reports of partners must come through while a callback waits for them.
+            # Reports of partners must be received while a callback waits for them.
             group = ReentrantCallbackGroup()
             node.create_subscription(
                 Progress, self._topic, self._take, RESULTS, callback_group=group
@@ -91,15 +91,15 @@ class LeadingDrive:
 
 @dataclass
 class Spawned:
-    """A machine that was added.
+    """A spawned machine.
 
     Attributes
     ----------
-    uri : its scene
-    namespace : of its nodes
-    run : number of the run that it is asked for
-    heard_run : number of the run that it is in; -1 until it is there
-    time : [s] up to which it has come
+    uri : scene of the machine
+    namespace : namespace of its nodes
+    run : number of the requested run
+    heard_run : number of its present run; -1 before its first report
+    time : time reached [s]
     """
 
     uri: str
@@ -114,7 +114,7 @@ class Spawned:
 
     @property
     def began(self) -> bool:
-        """True if it is in the run that it is asked for."""
+        """True if it is in the requested run."""
         return self.heard_run >= self.run
 
     def take(self, message: Any) -> None:
@@ -125,7 +125,7 @@ class Spawned:
 
 
 class Spawning:
-    """Spawns machines and deletes them, by the services of `simulation_interfaces`."""
+    """Services of `simulation_interfaces` that spawn and delete machines."""
 
     def __init__(self, drive: Drive) -> None:
         self._drive, self.machines = drive, dict[str, Spawned]()
@@ -135,7 +135,7 @@ class Spawning:
         try:
             self._result = message_class(f'{SIMULATION}/msg/Result')
         except MessageError:
-            return  # `SimulationControl` says so
+            return  # logged by `SimulationControl`
         answers = {
             'get_spawnables': self._list,
             'spawn_entity': self._spawn,
@@ -146,21 +146,21 @@ class Spawning:
         self._places = drive.create_publisher(TFMessage, '/tf_static', LATCHED)
         drive.create_timer(0.1, self._look)
 
-    # --- what the drive asks for -------------------------------------------------------------
+    # --- interface of the drive -------------------------------------------------------------
 
     @property
     def time(self) -> float:
-        """Time [s] up to which all have come; infinite if there are none."""
+        """Time [s] reached by all; infinite if there are none."""
         known = (machine.time if machine.began else 0.0 for machine in self.machines.values())
         return min(known, default=math.inf)
 
     @property
     def began(self) -> bool:
-        """True if all are in the run that they are asked for."""
+        """True if all are in the requested run."""
         return all(machine.began for machine in self.machines.values())
 
     def begin_run(self) -> None:
-        """Expect all to begin anew."""
+        """Expect another run of all."""
         for machine in self.machines.values():
             machine.run += 1
 
@@ -243,7 +243,7 @@ class Spawning:
         return None, '', name
 
     def _placed(self, pose: Any, below: str) -> tuple[Any, str]:
-        """Transform of the world of a machine, or why it cannot be there."""
+        """Transform of the world of a machine, or the reason of a refusal."""
         drive, found = self._drive, TransformStamped()
         world = drive.frame(WORLD)
         found.header.frame_id = pose.header.frame_id or world
@@ -281,7 +281,7 @@ class Spawning:
         await gone
 
     def _look(self) -> None:
-        """Take leave of machines that have ended, and answer who waits for one."""
+        """Remove machines that have ended, and notify pending requests."""
         for name, machine in list(self.machines.items()):
             if machine.process.poll() is not None:
                 self._drive.destroy_subscription(machine.heard)
@@ -289,7 +289,7 @@ class Spawning:
                 self._publish_places()
                 self._drive.on_spawned()
         if not self.began or self.time < self._drive.announced:
-            # Who has come late has not heard how far the drive is.
+            # Late nodes have not received the progress of the drive.
             self._drive.report(self._drive.announced)
         left = []
         for name, goal, future in self._waiting:

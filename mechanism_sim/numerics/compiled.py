@@ -88,9 +88,9 @@ class _KeyedTerms:
 
     Attributes
     ----------
-    large : whether LLVM's optimisation takes long: four times the compilation, for a gain of 1 to
+    large : True if LLVM's optimisation takes long: four times the compilation, for a gain of 1 to
         2 us in a call
-    long : whether optimisation of equations takes so long that they are compiled compactly
+    long : True if optimisation of equations takes so long that they are compiled compactly
     """
 
     def __init__(self, expressions: Sequence[hy.expression]) -> None:

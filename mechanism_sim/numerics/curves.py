@@ -30,7 +30,7 @@ class Curve:
     breaks : (k + 1,) between which the polynomials hold; infinite at both ends, or those of a turn
     rows : (k, n) coefficients of rising powers of the position from its interval's middle, or
         from the finite end of an infinite one
-    cyclic : whether it repeats every turn of the position times the scale
+    cyclic : True if it repeats every turn of the position times the scale
     scale : factor of the positions
     """
 
@@ -82,7 +82,7 @@ def through(
 
     Parameters
     ----------
-    cyclic : whether it repeats after the period, which the points must span
+    cyclic : True if it repeats after the period, which the points must span
 
     Raises
     ------

@@ -48,7 +48,7 @@ class Kernel:
 
     Parameters
     ----------
-    is_entry : whether Python calls it compiled, too; others return views of their arguments, or
+    is_entry : True if Python calls it compiled, too; others return views of their arguments, or
         do too little
     """
 

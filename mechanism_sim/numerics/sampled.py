@@ -67,7 +67,7 @@ def spline_through(
     degree : odd degree
     error : standard deviation of y; the spline of this degree that minimises the square of its
         derivative of order (degree + 1)/2 at this root mean square distance (Reinsch 1967)
-    rest : whether the first (degree - 1)/2 derivatives are zero at the ends
+    rest : True if the first (degree - 1)/2 derivatives are zero at the ends
     """
     if error > 0.0:
         spline = _smoothing(x, y, degree, periodic, error)

@@ -65,7 +65,7 @@ class TimeSeries:
     ----------
     text : text as written
     exact : polynomial terms
-    whole : whether all terms are polynomials
+    whole : True if all terms are polynomials
     """
 
     def __init__(self, tree: ExpressionNode, text: str) -> None:

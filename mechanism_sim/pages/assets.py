@@ -25,7 +25,7 @@ def asset(name: str, room: str = __package__) -> str:
 
 
 def styles(*names: str, room: str = __package__) -> Markup:
-    """The palette, and what these files of styles say, for an element of a page."""
+    """The palette and the contents of style files, for an element of a page."""
     return Markup(css() + ''.join(asset(f'{name}.css', room) for name in names))  # noqa: S704 - ours
 
 
@@ -71,6 +71,6 @@ def contents_of(
 
 
 def embedded(data: Any) -> Markup:
-    """JSON that can stand in a page: nothing in it ends the element around it."""
+    """JSON for a page: nothing in it ends the element around it."""
     text = data if isinstance(data, str) else strict_json.dumps(data)
     return Markup(text.replace('<', '\\u003c'))  # noqa: S704 - escaped as JSON may be

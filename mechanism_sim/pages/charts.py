@@ -39,8 +39,8 @@ _WIDTH = 560.0  # [pixels] that legends are sure of
 _LETTER, _KEY, _LEGEND = 6.3, 46.0, 19.0  # [pixels] of a letter and a sample of legends, of lines
 _FOOT, _GAP, _HEAD, _TITLE = 44, 16, 10, 18  # [pixels] below and above panels, of their titles
 _DISC, _ROUND = 260, 30  # [pixels] of round ones, and around them
-_APART = 0.17  # of the width, between panels side by side
-_PIXEL = 1.25  # in a point of a line
+_APART = 0.17  # distance of adjacent panels, as a share of the width
+_PIXEL = 1.25  # pixels in a point of a line
 _AXIS = {
     'showline': True, 'linecolor': _LINE, 'linewidth': 1, 'ticks': 'outside', 'ticklen': 4,
     'tickcolor': _LINE, 'gridcolor': _GRID, 'gridwidth': 1, 'zeroline': True,

@@ -25,13 +25,13 @@ class Control:
 
     Attributes
     ----------
-    path : in the scene; of what is no part of it, the name of the parameter
+    path : path in the scene; outside of it, the name of the parameter
     unit : unit of display, of all limits and values here
     scale : value in this unit of 1 in SI units
-    effect : on the run that goes on, or by a restart
+    effect : effect on the present run, or by a restart
     owner, parameter : node and parameter that are set; with a restart the scene's `path` is set
     quantity : SI unit of the value in a scene
-    logarithmic : whether equal distances on the slider are equal ratios
+    logarithmic : True if equal distances on the slider are equal ratios
     """
 
     path: str

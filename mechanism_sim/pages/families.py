@@ -31,9 +31,9 @@ from mechanism_sim.studies.life import Life
 from mechanism_sim.units import for_people, typeset
 
 _MOST = 40  # runs of a page
-_TURNS = 4  # that play of a motion that does not repeat itself
-_LONGEST = 8  # turns that play of one that does
-_NOTHING = 1e-12  # of a machine's size, which is rounding
+_TURNS = 4  # shown turns of an aperiodic motion
+_LONGEST = 8  # shown turns of a periodic motion, at most
+_NOTHING = 1e-12  # rounding errors, over the machine's size
 
 Say = Callable[[str], None]
 
@@ -63,8 +63,8 @@ def family_page(
 
     Parameters
     ----------
-    label : of the slider
-    quantities : that are drawn of all runs over time: of the catalogue, or names of sensors
+    label : label of the slider
+    quantities : quantities charted over time: of the catalogue, or names of sensors
     parts : charts below; those over the value show where the slider is, and move it
     """
     curves = [_curves([m.record for m in members], name) for name in quantities]
@@ -96,7 +96,7 @@ def _series(record: Record, quantity: str) -> Series:
         words = quantity.replace('_', ' ')
         return Series(quantity, signal.unit, t, x, words=words).within(record.start, record.end)
     (series,) = drawn(record.piece, [quantity], record.start, record.end)
-    if series.unit == 'm':  # of what touches only rounding is left
+    if series.unit == 'm':  # closed contacts have rounding errors only
         rounding = np.abs(series.values) < _NOTHING * record.machine.mechanism.size
         series = replace(series, values=np.where(rounding, 0.0, series.values))
     return series

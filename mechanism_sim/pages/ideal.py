@@ -33,7 +33,7 @@ MODULES = (
 )  # fmt: skip
 
 _TURN, _LOOKS = float(TWO_PI), 181
-_FINE = 0.015  # of a symbol, how far edges of bodies may be off
+_FINE = 0.015  # tolerance of edges of bodies, in symbols
 
 
 def page(
@@ -132,7 +132,7 @@ def _widened(
     every = [drive.coordinates]
     for slider in reader.found:
         for value in (slider.low, slider.high):
-            with suppress(InputError):  # it cannot be put together there, or not at the start
+            with suppress(InputError):  # cannot be assembled there, or at the start
                 every.append(PageDrive(reader.at({slider.path: value})).coordinates)
     wide = SliderReader(reader.machine, np.concatenate(every, axis=1), reader.skeleton.size)
     wide.read(sliders)
@@ -145,7 +145,7 @@ class PageDrive:
     Attributes
     ----------
     kinematics : closures with the driven coordinates held
-    coordinates : (n, N) coordinates as far as the drives can go from the start
+    coordinates : (n, N) coordinates over the range of the drives from the start
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -171,7 +171,7 @@ class PageDrive:
         elif self._slides:
             self._range = start, start - size, start + size
         self._speed = self._speed or (0.1 * size if self._slides else _TURN)
-        # from the start to both ends, or to where the loops cannot be closed
+        # from the start to both ends, or to the last closed loops
         found, (start, low, high) = [self._q], self._range
         for end in (high, low):
             last = [self._q, self._q]

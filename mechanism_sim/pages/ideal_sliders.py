@@ -29,10 +29,10 @@ from mechanism_sim.units import alike, for_people, to_si_text, typeset
 _GUIDES = 'rail', 'slot'
 """Kinds of shapes on which something slides."""
 
-_STEP = 0.01  # of a value, or of the machine's size, by which it is changed
-_LINEAR = 1e-8  # of such a step: what is farther off a straight line is none
-_MOST, _FEW = 8, 4  # sliders that a page has unasked: of lengths, and then of points
-_WIDTH = 0.6  # of a value, to each side
+_STEP = 0.01  # step of a value, as a share of it or of the machine's size
+_LINEAR = 1e-8  # tolerance of straight lines, as a share of such a step
+_MOST, _FEW = 8, 4  # sliders by default: of lengths, and then of points
+_WIDTH = 0.6  # range to each side, as a share of a value
 _MOVING = 'par:', 'point:'  # dimensions that rule the motion, or a path
 
 
@@ -151,15 +151,15 @@ class SliderReader:
     Parameters
     ----------
     q : (n, N) coordinates along its drive, for its drawing
-    size : by which symbols are chosen, if not by that of the machine [m]
+    size : size for the scale of symbols, if not that of the machine [m]
 
     Attributes
     ----------
     skeleton : skeleton of the drawing
     base : dimensions of the base machine
-    equations : of the machine with all sliders moved: there none of them vanishes by chance
+    equations : equations with all sliders moved, where no term vanishes by chance
     found : the sliders
-    refused : usual keys that have none
+    refused : usual keys without a slider
     """
 
     def __init__(self, machine: Machine, q: Array, size: float = 0.0) -> None:

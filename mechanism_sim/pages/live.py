@@ -21,7 +21,7 @@ MOST, FEWEST = 120, 12
 """Instants of a batch: however much time it spans, and however little."""
 _KEPT = 256
 """Messages kept until they are requested; older ones are dropped."""
-_ROUNDING = 1e-12  # of times: messages that follow each other meet
+_ROUNDING = 1e-12  # of times: tolerance between successive messages
 _SLOWEST = 0.01  # [s] between instants where nothing turns
 _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen
 
@@ -31,11 +31,11 @@ _Sway = Callable[[Array], Array]
 
 
 class Live:
-    """A machine that runs, by the messages of its topics; it may be heard from any time on.
+    """A running machine, by the messages of its topics, from any time on.
 
     Attributes
     ----------
-    epoch : counts how often time began anew
+    epoch : number of restarts of time
     time : [s] up to which the motion is known here
     impacts : number of impacts so far in the run
     missed : [s] of motion that did not come, since this was last set to zero
@@ -54,15 +54,15 @@ class Live:
     def _forget(self) -> None:
         self.time, self.impacts, self.missed = 0.0, 0, 0.0
         self._sent: float | None = None
-        self._at_start = False  # to be shown, before there is any motion
+        self._at_start = False  # to be shown before any motion
         self.swaying: Swaying | None = Swaying(self.machine)
         self._pieces: deque[tuple[Motion, _Sway | None]] = deque(maxlen=_KEPT)
         self._struck: list[dict[str, Any]] = []
 
     def take(self, message: Any) -> None:
-        """A Motion message; of another run, time begins anew."""
+        """Take a Motion message; time restarts with another run."""
         if foreign(message, self.machine):
-            return  # of a run whose scene is not here yet
+            return  # of a run whose scene is not yet received
         if message.run != self.run:
             self.epoch, self.run = self.epoch + 1, message.run
             self._forget()
@@ -71,7 +71,7 @@ class Live:
                 self.show_start()
             return
         motion = motion_of(message)
-        if motion.curve.end <= self.time:  # the graph has been started anew
+        if motion.curve.end <= self.time:  # the graph has been restarted
             self.epoch += 1
             self._forget()
         begin = float(motion.curve.start[0])
@@ -81,7 +81,7 @@ class Live:
                 self.epoch += 1
                 self._sent = None
             if self._pieces:
-                self.missed += begin - self.time  # what came before has no motion to go on with
+                self.missed += begin - self.time  # earlier parts have no preceding motion
                 self._pieces.clear()
         sway = self.swaying.take(motion) if self.swaying else None
         self._pieces.append((motion, sway))

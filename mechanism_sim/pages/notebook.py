@@ -1,4 +1,4 @@
-"""A machine that plays in a notebook, and a family of machines that a slider goes through."""
+"""Playback of a machine in a notebook, and of a family of machines by a slider."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Player:
     Attributes
     ----------
     page : the HTML of the page
-    height : of the frame [pixels]
+    height : height of the frame [pixels]
     """
 
     def __init__(self, page: str, height: int, title: str) -> None:
@@ -65,9 +65,9 @@ def play(
     Parameters
     ----------
     scene : all that `load_scene` takes, or a solution, a cycle, a bag or its path
-    run : what it does, such as a solution; the scene's own run if not, up to `end` if given
+    run : its run, such as a solution; default: the scene's own, up to `end` if given
     start, end : part of it [s]
-    charts : with all charts of the report, some megabytes; else the machine alone
+    charts : add all charts of the report, some megabytes; else the machine alone
     height : [pixels]
     """
     start, end = argument('start', start, 's'), argument('end', end, 's')
@@ -104,12 +104,12 @@ def explore(
     Parameters
     ----------
     scene : all that `load_scene` takes
-    path : of the value that changes, such as ``links.rocker.length``
-    values : that it takes, with their units
-    quantity : of the catalogue (``mechanism-sim quantities SCENE``)
-    overrides : of other values of the scene
-    revolutions, duration : of each run; the scene's own if neither is given
-    height : of the frame [pixels]
+    path : path of the varied value, such as ``links.rocker.length``
+    values : its values, with their units
+    quantity : quantity of the catalogue (``mechanism-sim quantities SCENE``)
+    overrides : overrides of other values of the scene
+    revolutions, duration : length of each run; the scene's own if neither is given
+    height : height of the frame [pixels]
     """
     if not len(values):
         raise InputError(f'explore: {path}: no values are given')

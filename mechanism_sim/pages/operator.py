@@ -19,7 +19,7 @@ _DONE, _ALREADY = 1, 101
 class Operator:
     """Asks the nodes of a run; what they refuse is given back as a sentence, else nothing.
 
-    Where ROS has no package `simulation_interfaces`, or nobody serves, that is the sentence.
+    Without the package `simulation_interfaces` of ROS, or without a service, that is the sentence.
     """
 
     def __init__(self, node: Node) -> None:

@@ -21,9 +21,9 @@ NEAR = 1e-3
 MOST = 20_000
 """Instants of a run at most, beside those at events; and impacts."""
 
-_OTHERS = 40  # in a turn of any other link
-_LEAST = 300  # of a run, however slow
-_BYTES = 2_000_000  # of all instants; events may take a quarter as much again
+_OTHERS = 40  # instants in a turn of any other link
+_LEAST = 300  # least number of instants of a run
+_BYTES = 2_000_000  # bytes of all instants; events may add a quarter
 _BLOCK = 4096  # instants observed at a time
 _SEEN = 1500  # instants by which sizes are chosen
 
@@ -102,7 +102,7 @@ def together(*runs: Recorded) -> tuple[Recorded, ...]:
 
 
 def times_of(record: Record, most: int, events: int = 0) -> Array:
-    """The instants of a page (N,) [s]: at most so many, beside both sides of so many events."""
+    """The instants of a page (N,) [s]: limited in number, and both sides of events."""
     # Instants [1/s] where steps meet: more where the machine is faster. There are `PER_TURN` in
     # a turn of the main drive, and as many as it takes for pins to stay in their places between
     # them, see `NEAR`.

@@ -32,11 +32,11 @@ class Family(NamedTuple):
 
     Attributes
     ----------
-    label : of the value
-    values : with their units, one for each run
+    label : label of the value
+    values : values with their units, one for each run
     runs : the first is that of the page
     curves : curves of all runs over time, see `curves.js`
-    places : of the runs, x and heights, on charts over the value
+    places : positions of the runs, x and heights, on charts over the value
     """
 
     label: str
@@ -51,7 +51,7 @@ class ComparisonPage(NamedTuple):
 
     Attributes
     ----------
-    names : of all runs
+    names : names of all runs
     scenes : keys that differ, and their values in all
     """
 
@@ -72,7 +72,7 @@ def page(
     ----------
     parts : the charts, section by section
     source : the file it was recorded in
-    digest : of the whole run, where this is a part of one
+    digest : digest of the whole run, if this is a part of one
     beside : further runs; their machines are dashed, and `parts` have the lines of all
     family : runs of which a slider chooses
     library : address of plotly.js, which pages of a site share; else the page holds it

@@ -87,14 +87,14 @@ class Server:
     Parameters
     ----------
     contents : contents of the pages by path
-    port : 0 for any; None for 8080, or any other if that is taken, which is said
+    port : TCP port; 0 for any; None for 8080, or another with a notice if that is in use
     greet : messages for a page that has just been opened, or their texts
     hear : called, in the server's thread, with every command of a page; whatever it raises, or if
         it gives back False, the page is cut off
     read : the command that a message is, None if it is none
     key : required end ``?key=`` of the address of a page, if any
     largest : bytes of a command
-    name : of the command, for sentences
+    name : name of the command, for messages
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Server:
         return len(self._pages)
 
     def send(self, message: dict[str, Any], may_drop: bool = False) -> None:
-        """Send to all pages; `may_drop`: not to those that have not taken what came before."""
+        """Send to all pages; `may_drop`: not to those with unsent earlier messages."""
         if self._pages:
             self.send_text(strict_json.dumps(message), may_drop)
 

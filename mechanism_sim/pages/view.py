@@ -31,7 +31,7 @@ MODULES = (
     'live',
 )  # fmt: skip
 
-#: Nobody waits for a page: what it is too slow for is dropped.
+#: No node waits for a page: messages to slow pages are dropped.
 NEWEST = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=200, reliability=ReliabilityPolicy.BEST_EFFORT
 )
@@ -47,15 +47,15 @@ def print_address(address: str) -> None:
 
 
 class ViewNode(DescribedNode):
-    """Shows the machine that runs, and passes on what is asked of it; no node waits for this one.
+    """Node that shows the running machine and forwards requests; no node waits for this one.
 
     Parameters of the node: ``port`` of the web server, 0 for any that is free; ``open``, to open
     a browser.
 
     Parameters
     ----------
-    opened : called with the address of the page
-    starting : whether a machine to be shown is being started
+    opened : callback with the address of the page
+    starting : True while a machine to be shown is started
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class ViewNode(DescribedNode):
             lambda: self._greeting,
             self._asked.put,
         )
-        apart = ReentrantCallbackGroup()  # who waits for an answer keeps nothing else waiting
+        apart = ReentrantCallbackGroup()  # a pending request blocks nothing else
         self.create_timer(_FRAMES, self._show)
         self.create_timer(_LISTEN, self._obey, callback_group=apart)
         self.create_timer(_LOOK, self._look, callback_group=apart)
@@ -95,7 +95,7 @@ class ViewNode(DescribedNode):
         if browse:
             webbrowser.open(self.server.address)
 
-    # --- what is heard ------------------------------------------------------------------------
+    # --- received -------------------------------------------------------------------------------
 
     def _meet(self, message: Any) -> None:
         if self._live and self._live.text == message.data:
@@ -207,7 +207,7 @@ class ViewNode(DescribedNode):
         """Send a message to all pages; `path`: of the value that is not set."""
         self.server.send({'type': 'message', 'text': text, 'level': level, 'path': path})
 
-    # --- what is asked ------------------------------------------------------------------------
+    # --- requests -------------------------------------------------------------------------------
 
     async def _obey(self) -> None:
         """Carry out the requests of a page, one after the other."""

@@ -24,13 +24,13 @@ def view(
     Parameters
     ----------
     run : arguments of ``mechanism-sim run``: a run of its own, which ends with the view
-    opened : called with the address of the page, instead of printing it
+    opened : callback with the address of the page, instead of printing it
 
     Returns
     -------
     Exit code: that of the run if it ends first, and 0 if the view is ended.
     """
-    signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # asleep it would hold up who publishes
+    signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # a stopped process would block publishers
     runs: list[subprocess.Popen[bytes]] = []
 
     def make() -> list[ViewNode]:

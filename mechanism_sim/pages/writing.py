@@ -51,7 +51,7 @@ def report(
     file : an .html file; named after the machine if not given
     other : a second run, or a list of runs, which the first is compared with
     measures : further figures; not for several runs
-    start : from when on [s]
+    start : start of the shown part [s]
     skip : full turns of the drive that are left out at the beginning, instead
     revolutions, duration : length; without either all of a run, or that of the scene
     """
@@ -103,8 +103,8 @@ def write_page(
     Parameters
     ----------
     source : the file it was recorded in
-    digest : of the whole run, where this is a part of one
-    show : called with the progress of what the player needs
+    digest : digest of the whole run, if this is a part of one
+    show : callback with the progress of the player's data
     """
     shown, parts = recorded(record, show), sections(record)
     found: list[Measured] = []
@@ -119,7 +119,7 @@ def write_page(
     return len(text.encode()), found
 
 
-_MOST = 6  # runs that can be told apart
+_MOST = 6  # runs that can be distinguished
 
 
 def write_comparison(
@@ -129,7 +129,7 @@ def write_comparison(
 
     Parameters
     ----------
-    sources : names of the runs where their scenes do not tell them apart
+    sources : names of the runs if their scenes are equal
     """
     if len(records) > _MOST:
         raise InputError(f'{len(records)} runs: at most {_MOST} can be distinguished')

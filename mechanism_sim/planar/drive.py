@@ -149,7 +149,7 @@ def speed_profile(
     ----------
     angle : [rad] angle at time zero, or displacement [m]
     points : times [s], rising, and speeds [rad/s or m/s]
-    straight : whether the coordinate is a displacement
+    straight : True if the coordinate is a displacement
     turns : whole turns at time zero beside the angle
     """
     laws = [DriveLaw(coordinate, (angle, points[0][1]), straight=straight, turns=turns)]
@@ -306,7 +306,7 @@ class FormulaLaws:
 
     Attributes
     ----------
-    rate : whether the formula gives the rate
+    rate : True if the formula gives the rate
     """
 
     coordinate: str

@@ -251,7 +251,7 @@ class Beam(LinkExtension):
     Attributes
     ----------
     modes, stretch : numbers of bending modes, and of modes of stretch (always polynomials)
-    shortens : whether there is foreshortening; without it the beam is that of linear textbooks
+    shortens : True if there is foreshortening; without it the beam is that of linear textbooks
     lumps : masses [kg] carried by the beam, with their points [m] in the link's frame
     spin : moment of inertia [kg m^2] that turns with the link's frame beside beam and lumps
     fibre : largest distance [m] of the outer fibres from the axis, if known

@@ -158,7 +158,7 @@ class Frames:
         breaks : (k + 1,) [rad, m] between which the rows hold; of a turn if it is periodic, each
             then not longer than a right angle
         rows : (k, n)
-        periodic : whether the first row follows the last; else a run ends beyond the breaks
+        periodic : True if the first row follows the last; else a run ends beyond the breaks
 
         Returns
         -------

@@ -120,7 +120,7 @@ class InverseDynamics:
     driven : names of the coordinates with a drive
     elements : springs, dampers and loads
     frictions : friction in ideal joints
-    inertia : whether ``M a`` and the velocity products count; statics leaves out these only, and
+    inertia : True if ``M a`` and the velocity products count; statics leaves out these only, and
         keeps weights and speed-dependent loads
     unknowns : loads whose sizes follow from the efforts of as many drives
     efforts : given efforts of these drives, by coordinate

@@ -135,7 +135,7 @@ class Kinematics:
         ----------
         guess : (n, N)
         targets : (r,) or (N, r) values of the closures [m] instead of zero
-        apart : whether each position is left as it is once it is found, so that it does not depend
+        apart : True if each position is left as it is once it is found, so that it does not depend
             on the others
 
         Returns

@@ -260,7 +260,7 @@ class Coupling(NamedTuple):
     carrier : link from which angles are counted
     factors : factors of the angles [rad] of first and second, or of a rack's displacement [m]
     racks : guides of the racks among them
-    exact : whether the sum is constant, not only on the mean
+    exact : True if the sum is constant, not only on the mean
     """
 
     joint: HigherPair

@@ -72,7 +72,7 @@ class Rail:
         Parameters
         ----------
         label : name of the point
-        thick : whether the point may be off the axis
+        thick : True if the point may be off the axis
         """
         m, beam = self.mechanism, self.mechanism.having(Beam)[self.link]
         ux, uy = frames.position(m.direction(self.link, 0.0), f'{self.name}.rail.x')

@@ -38,7 +38,7 @@ class ShakingForce:
     Attributes
     ----------
     outside : names of inputs beside the motion: ``time``, ``COORDINATE.turns``
-    unknown : whether there are loads whose sizes must be known
+    unknown : True if there are loads whose sizes must be known
     flags : index of the flag in the rows, by the name of the switch
     edges : finder of the onset and end of loads along a motion; None without any
     """
@@ -84,7 +84,7 @@ class ShakingForce:
         outside : (k, N) values of the inputs `outside`
         rows : values of the switches; by default those at these positions
         sizes : (u, N) of the unknown loads [N, N m]
-        static : whether to leave out what changes the momentum
+        static : True if to leave out what changes the momentum
         """
         q, v, _ = motion
         total = np.zeros((3, q.shape[1]))

@@ -36,7 +36,7 @@ class SteepLoads:
     ----------
     moving : derivative (0 or 1) and index of each coordinate that the loads depend on, then of
         states of first order, which are counted after these
-    timed : whether they depend on time, too
+    timed : True if they depend on time, too
     outside : names of the whole turns that they depend on
     symbols : (w,) indices, among all switch symbols, of those that they depend on
     held : (q, 2) index of a flag in `symbols`, index of the symbol of its holding

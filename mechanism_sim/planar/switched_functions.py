@@ -159,8 +159,8 @@ class Edges:
     ----------
     outside : names of inputs beside the motion: ``time``, ``COORDINATE.turns``
     coordinates : indices of the required coordinates, by their values or their rates
-    rated : whether any rate is required
-    of_loads : whether some switches belong to loads instead of closures
+    rated : True if any rate is required
+    of_loads : True if some switches belong to loads instead of closures
     parameters : values of ``par[]``
     """
 

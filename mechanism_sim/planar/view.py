@@ -45,8 +45,8 @@ class Told:
     units : SI units; two, rad and m in this order, for a link that rotates or slides
     words : description of the quantity
     slides : link that decides between two units: ``first`` or ``second``
-    difference : whether it is a difference of lengths of the machine's size, with their rounding
-    repeats : whether coordinates contain the same information
+    difference : True if it is a difference of lengths of the machine's size, with their rounding
+    repeats : True if coordinates contain the same information
     """
 
     def __init__(

@@ -249,7 +249,7 @@ def recover(path: Path | str) -> RecoveredBag:
 
     Raises:
         InputError: No such file, not an MCAP, or it is being recorded.
-        RunError: The disk is full or gone.
+        RunError: The disk is full or missing.
 
     """
     file = file_of(path)
@@ -324,7 +324,7 @@ def render_recovery(found: RecoveredBag) -> str:
 
 
 def _keep(file: Path) -> Path:
-    """Copy a file beside itself, under a name that no command takes for a bag."""
+    """Copy a file beside itself, under a name that is not that of a bag."""
     names = (f'{file.name}.damaged' + (f'-{k}' if k > 1 else '') for k in numbers_from(1))
     kept = next(there for name in names if not (there := file.with_name(name)).exists())
     with beside(kept) as part:

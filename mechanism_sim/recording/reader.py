@@ -137,7 +137,7 @@ class Bag:
         A message of ROS is an object with its fields; of JSON and protobuf a dictionary.
 
         Args:
-            topics: Name or names of the topics wanted; all of them by default.
+            topics: Name or names of the requested topics; all of them by default.
 
         Raises:
             InputError: No such topic; from the iterator: a type that is not known here, or was
@@ -152,7 +152,7 @@ class Bag:
                 self._payloads(self._channels(topics)))  # fmt: skip
 
     def _channels(self, topics: str | Iterable[str] | None) -> list[tuple[BagFile, Channel]]:
-        """Return the channels of the topics wanted, file by file."""
+        """Return the channels of the requested topics, file by file."""
         channels = [(part, c) for part in self._parts for c in part.layout.channels.values()]
         if topics is None:
             return channels

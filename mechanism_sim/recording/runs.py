@@ -1,4 +1,4 @@
-"""Runs and their bags: how fast a run was, which bag it has; needs no library of bags."""
+"""Speed and bag of runs, without a library of bags."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def realtime_factor(simulated: float, wall_time: float | None) -> float | None:
     """Simulated seconds per second.
 
     Args:
-        simulated: How long the run is [s].
-        wall_time: How long it took [s], from its first message to its last; None if not known.
+        simulated: Simulated duration [s].
+        wall_time: Wall time [s] from the first message to the last; None if unknown.
 
     """
     return simulated / wall_time if wall_time else None

@@ -67,15 +67,15 @@ class Salvage:
 
     Attributes
     ----------
-    layout : of all of them together
-    closed : whether the file is sound: no damaged chunk, and an index
+    layout : common layout of all records
+    closed : True if the file is sound: no damaged chunk, and an index
     losses : skipped bytes
-    tail : bytes at the end that are no whole record
-    cut : whether they are the beginning of a record or zeros, as after a kill
+    tail : bytes at the end without a whole record
+    cut : True if `tail` is an incomplete record or zeros, as after a kill
     places : starts and ends of records with messages
-    attachments : all that could be read
+    attachments : readable attachments
     chunks : number of skipped chunks
-    fished : topics that were read out of damaged chunks, since others have messages of them
+    fished : topics read from damaged chunks, since others have messages of them
     """
 
     layout: FileLayout
@@ -149,8 +149,8 @@ class _RecordWalk:
         self.found = Salvage(FileLayout(readable=len(MAGIC)))
         self._times: list[int] = []
         self._ended = False  # the data; an index follows
-        self.footed = False  # it is complete
-        self.misled = False  # a chunk has another length than its record says
+        self.footed = False  # True if the file is complete
+        self.misled = False  # True if a chunk's length differs from that in its record
 
     def go(self) -> None:
         """Note all records."""
@@ -226,7 +226,7 @@ class _RecordWalk:
         if whole and opcode != Opcode.CHUNK and self._note(opcode, offset, end):
             return end
         if self._ended:
-            return end if whole else offset  # of the index, which is made anew
+            return end if whole else offset  # start of the index, which is rebuilt
         following = self._search(offset + 1, end if whole else self._size)
         if following is None and not whole:
             return offset
@@ -312,7 +312,7 @@ class _RecordWalk:
 
 
 def _pieces(record: bytes) -> Iterator[bytes]:
-    """Records of a chunk of zstd, as far as it can be decompressed."""
+    """Records of a zstd chunk, up to a failure of decompression."""
     start = _NAME_LENGTH + 4 + 4 + 8
     held, read = b'', ZstdDecompressor().decompressobj().decompress
     with suppress(ZstdError):

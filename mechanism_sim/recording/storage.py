@@ -46,7 +46,7 @@ _DAMAGE = (
     OverflowError, MemoryError,
 )  # fmt: skip
 """Errors that reading a damaged file raises, in mcap, zstandard and Python."""
-_LISTING = 'metadata.yaml'  # by which ros2 bag says which files belong together, and their order
+_LISTING = 'metadata.yaml'  # lists the files of a bag, and their order
 
 Payload = tuple[int, bytes, int]
 """Channel, message, log time [ns]."""
@@ -140,10 +140,10 @@ def blocks(
     """Yield the readable part of a file as runs of records, chunk by chunk, decompressed.
 
     Args:
-        path: The file, for messages to people.
+        path: The file, for messages.
         stream: The file, open for reading.
         layout: Says where to stop and what can be skipped.
-        wanted: Channels asked for; chunks known to hold none of them are skipped.
+        wanted: Requested channels; chunks known to hold none of them are skipped.
 
     Raises:
         DamagedBagError: A chunk does not agree with its checksum, or cannot be read.
@@ -345,7 +345,7 @@ class BagFile:
 
     Attributes
     ----------
-    path : of what is read; of a compressed file another one, which is kept by `holder`
+    path : path of the read file; for a compressed one that of a copy, which is kept by `holder`
     """
 
     path: Path
@@ -422,7 +422,7 @@ def _listed(folder: Path) -> list[Path]:
         ]
         files = [folder / Path(str(name)).name for name in names]  # once with their folder
     except (documents.DocumentError, OSError, UnicodeDecodeError, KeyError, TypeError):
-        return []  # damaged, or not written yet: the files say enough
+        return []  # damaged, or not written yet: the files suffice
     for file in files:
         if not file.exists():
             raise InputError(f'{folder}: {_LISTING} names {file.name}, which is not there.')

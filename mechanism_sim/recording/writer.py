@@ -89,7 +89,7 @@ class BagWriter:
 
     `write` closes the chunk under way and hands it to the operating system once `FLUSH_PERIOD`
     has passed, `flush` does so always: a killed process leaves a file readable up to there.
-    Whoever may stop writing for a while calls `flush` from a timer.
+    A caller that may pause writing must call `flush` from a timer.
 
     Args:
         path: File to write; its directory must exist.

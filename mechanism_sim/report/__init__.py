@@ -1,4 +1,4 @@
-"""Reports of a run for people: summaries, tables, progress.
+"""Reports of a run as text: summaries, tables, progress.
 
 The room has the name of the public function ``mechanism_sim.report``, and is called in its place:
 a room that is imported takes its name in the package.

@@ -26,10 +26,10 @@ from mechanism_sim.signal_files import ChannelSamples, rate_text
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
 
-_LITTLE = 0.1  # of the power of a signal: an envelope of so little is not that of its largest part
-_LOGGED = 1e-6  # [s] by which stamps may be beside the time above
-_EPOCH = 1e9  # [s]: what is later counts from 1970
-_ROWS = 12  # of a table of revolutions, before its middle is left out
+_LITTLE = 0.1  # share of the power of a signal: a smaller envelope is not that of its main part
+_LOGGED = 1e-6  # [s] tolerance of stamps relative to the time above
+_EPOCH = 1e9  # [s]: later times count from 1970
+_ROWS = 12  # rows of a table of revolutions before its middle is left out
 _LINES = 10
 _ORDERS = 12
 _SECTORS = 6

@@ -21,7 +21,7 @@ _COLOURED = 8
 
 
 def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
-    """Text for people: ranges of the parameter in which a branch has one period."""
+    """Ranges of the parameter in which a branch has one period, as text."""
     found, branches = result
     unit = f' {found.unit}' if found.unit else ''
     rows, failed = [], []

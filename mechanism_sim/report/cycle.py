@@ -20,10 +20,10 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import RAMP
 from mechanism_sim.units import counted, for_people
 
-_SHORT = 0.05  # of the cycle
+_SHORT = 0.05  # share of the cycle
 _SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio', 'ripple')
 
-_NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
+_NOTHING = 1e-8  # share of the other end of a range, printed with six digits
 
 
 def where(cycle: Cycle, extreme: Extreme) -> str:
@@ -97,7 +97,7 @@ def extremes(cycle: Cycle) -> Section:
 
 
 def _peaks(cycle: Cycle) -> Iterator[str]:
-    """Peaks that are short beside the cycle, where their height alone would mislead."""
+    """Peaks that are short relative to the cycle, with a misleading height."""
     for name, shape in cycle.peaks().items():
         if shape.whole and shape.duration <= _SHORT * cycle.duration:
             yield (
@@ -156,7 +156,7 @@ def _drive(cycle: Cycle) -> Iterator[str]:
         yield f'{name}: root mean square {cycle.rms(name):.6g} {catalogue(machine)[name].unit}'
     power = cycle.mean_power
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
-        power = 0.0  # what is given is taken back
+        power = 0.0  # supplied energy is returned
     yield f'mean power of the drive {power:.6g} W'
     if (efficiency := cycle.efficiency) is not None:
         yield f'efficiency {efficiency:.6g}: the rest is friction in ideal joints'

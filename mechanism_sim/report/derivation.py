@@ -45,7 +45,7 @@ def derive(machine: Machine, rates: bool = False) -> MachineEquations:
 
     Parameters
     ----------
-    rates : also the first and second derivatives of closures and gaps
+    rates : add the first and second derivatives of closures and gaps
     """
     return _Derivation(machine, rates).result()
 
@@ -478,7 +478,7 @@ class Vectors:
         return found
 
     def use(self, label: str) -> None:
-        """Let symbols stand for one vector, if it has any, and no others."""
+        """Select the symbols of a single vector, if it has any."""
         self._abbreviations = self._named.get(label, {})
 
 
@@ -509,7 +509,7 @@ class MachineEquations:
     scene: str
     title: str
     level: str
-    coordinates: tuple[tuple[Symbol, Symbol, Symbol], ...]  #: with rate and acceleration
+    coordinates: tuple[tuple[Symbol, Symbol, Symbol], ...]  #: symbols with rate and acceleration
     parameters: tuple[Symbol, ...]  #: constants of the scene
     variables: tuple[Symbol, ...]  #: forces, gaps and what else follows from the motion
     parts: tuple[EquationGroup, ...]

@@ -27,10 +27,10 @@ _SIDES = 7.5, 6.0
 """Width and height of a picture at most [in]."""
 
 PATHS = ('-', '--', '-.', ':')
-_SIZE = 7.5  # of letters [points]
-_STEP = 0.6  # between points of what is in the way, in units of symbols
-_NAME, _PIN, _BAR = 6.0, 2.0, 1.0  # what covering such a point costs
-_LATER = 0.8  # what a place costs more than the one before it
+_SIZE = 7.5  # size of letters [points]
+_STEP = 0.6  # distance of sampled points of obstacles, in symbols
+_NAME, _PIN, _BAR = 6.0, 2.0, 1.0  # cost of covering such a point
+_LATER = 0.8  # added cost of each further position
 _AWAY = np.radians([0.0, 40.0, -40.0, 80.0, -80.0, 120.0, -120.0, 160.0, -160.0])
 
 
@@ -232,7 +232,7 @@ class Labels:
         return move
 
     def _joint(self, shape: Shape, outline: Array) -> Move:
-        """Label a joint where no link goes; below a pivot of the frame or a slider."""
+        """Label a joint away from links; below a pivot of the frame or a slider."""
         at = outline.mean(axis=0)
         half, name = self._half(shape.label), shape.label
         below = np.array([0.0, -3.2 * self._s - self._pt(2.0) - half[1]])
@@ -244,7 +244,7 @@ class Labels:
         return self._beside(name, outline, places, at, style='italic')
 
     def _from(self, way: Array, half: Array) -> Array:
-        """Vector from a joint to the middle of a name that begins beside it."""
+        """Vector from a joint to the centre of a name that begins beside it."""
         start = (0.9 * self._s + self._pt(3.0)) * way
         return np.asarray(start + half * np.clip(1.6 * way, -1.0, 1.0))
 
@@ -345,8 +345,8 @@ def draw(
     ----------
     t : [s] within the cycle
     positions : this one, and as many others as ghosts, evenly over the cycle
-    labels : of links and joints, of links only, or none
-    magnified : how many times as much elastic links deform; 0: visibly
+    labels : labels of links and joints, of links only, or none
+    magnified : magnification of elastic deformations; 0 for a visible one
     """
     sweep = _coordinates(cycle, cycle.t)
     skeleton = skeleton_of(cycle.machine, sweep, magnified)

@@ -55,8 +55,8 @@ def check_picture(
 
     Parameters
     ----------
-    option : of the command line, for the message
-    folder_too : whether a folder is allowed; it is made when needed
+    option : option of the command line, for the message
+    folder_too : allow a folder, which is made when needed
     numbers : endings of files of numbers, which the option takes as well
     """
     path = Path(file)

@@ -206,7 +206,7 @@ def _front(found: Optimum, title: str) -> Chart:
 
 
 def _finding_chart(finding: Finding, title: str) -> Chart:
-    """The figure over the parameter, with what was wanted and found."""
+    """The figure over the parameter, with the target and the solutions."""
     unit, scale = for_people(finding.unit)
     key, (x, y) = finding.parameter, np.array(finding.curve).T
     x = key.scale * x

@@ -149,9 +149,9 @@ def to_rviz(seen: Preview, namespace: str = '', prefix: str = '') -> str:
 
     Parameters
     ----------
-    seen : of the machine
-    namespace : of the nodes
-    prefix : of the frames of links
+    seen : preview of the machine
+    namespace : namespace of the nodes
+    prefix : prefix of the frames of links
     """
     width, height = (seen.high - seen.low).tolist()
     x, y = seen.centre.tolist()
@@ -234,9 +234,9 @@ def to_foxglove(seen: Preview, namespace: str = '', prefix: str = '') -> str:
 
     Parameters
     ----------
-    seen : of the machine
-    namespace : of the nodes
-    prefix : of the frames of links
+    seen : preview of the machine
+    namespace : namespace of the nodes
+    prefix : prefix of the frames of links
     """
     machine = seen.machine
     panels: dict[str, Any] = {'3D!machine': _scene(seen, namespace, prefix)}

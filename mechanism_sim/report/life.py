@@ -19,7 +19,7 @@ _PROFILES = 7  # drawn of each surface, along the life
 
 
 def render(found: Life) -> str:
-    """Text for people: the life, then a row for each stage."""
+    """Life as text, then a row for each stage."""
     head = ['cycles']
     for joint in found.joints:
         head += [f'clearance of {joint} [mm]', '+-', 'bushing [um]', 'pin [um]', 'impacts a cycle']

@@ -46,12 +46,12 @@ def plot(
 
     Parameters
     ----------
-    names : of `Piece.sample` or `Cycle`, or the first part of several, such as ``normal_force``;
+    names : names of `Piece.sample` or `Cycle`, or the first part of several, as ``normal_force``;
         without any an overview: angles, gaps with their modes, forces, torque
     against : ``'time'``, ``'angle'`` of the first drive, or the name of a quantity: against
         ``position.LINK.POINT.x`` the path of a point is true to scale, against the direction of a
         vector its hodograph is round. Of a cycle that repeats its angle unless told
-    start, end : [s] of the run; all of it unless told
+    start, end : range of the run [s]; default: all of it
     """
     piece = run.solution if isinstance(run, Cycle) else run
     first, last = float(piece.motion.curve.start[0]), piece.motion.curve.end

@@ -18,7 +18,7 @@ def section(found: Sequence[Measured]) -> list[Section]:
 
 
 def rows(found: Sequence[Measured]) -> list[SummaryRow]:
-    """A row for each measure, in the units in which people read."""
+    """A row for each measure, in suitable units."""
     made = []
     for m in found:
         unit, scale = for_people(m.unit, abs(m.value))

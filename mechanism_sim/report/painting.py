@@ -27,7 +27,7 @@ from mechanism_sim.units import number, typeset
 _SHAPES = dict(zip(MARKERS, 'os^DvPX*<>phd+x1234', strict=True))
 _TOP, _FOOT, _TITLE = 0.27, 0.45, 0.3  # [in] of a legend, of an axis with its words, of titles
 _ROUND = 34  # letters above a round panel
-_LETTERS = 14.0  # of a legend in an inch
+_LETTERS = 14.0  # letters of a legend in an inch
 _NAMES = 6.0  # letters of names in an inch that are not slanted
 _LETTER = 0.073  # [in]
 _ALONE = 1.4  # times as high as others is a row that is alone
@@ -89,7 +89,7 @@ def _shared(panel: Panel, below: Panel | None) -> bool:
 
 
 def _legend(axes: Any, panel: Panel, artists: Mapping[str, Any]) -> None:
-    """Above a panel, in as many columns as it is wide; beside one that is round."""
+    """Legend above a panel, in as many columns as fit; beside a round panel."""
     entries = panel.entries
     longest = max(map(len, entries))
     width = axes.figure.get_figwidth() * axes.get_position().width
@@ -217,7 +217,7 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
 
 
 def _filled(title: str, letters: float) -> str:
-    """A title in lines of so many letters, broken between words only."""
+    """A title in lines of limited length, broken between words only."""
     return textwrap.fill(title, int(letters), break_long_words=False, break_on_hyphens=False)
 
 

@@ -31,7 +31,7 @@ def profile(
 
     Parameters
     ----------
-    gear : of a mesh: the outline of this one only
+    gear : gear of a mesh, for its outline only
     friction : coefficient for the efficiency of teeth, `FRICTION` if not given
     """
     every = _parts(machine)

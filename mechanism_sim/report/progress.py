@@ -17,7 +17,7 @@ Show = Callable[..., None]
 
 EVERY = 30.0
 """[s] from line to line of a log."""
-_PACE = 4  # runs after the first from which the time left is told: workers end their first at once
+_PACE = 4  # runs after the first for an estimate of time left: workers end their first at once
 AFTER = 1.0
 """[s] of work after which a notebook shows how far it is."""
 
@@ -40,9 +40,9 @@ def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
 
 @contextmanager
 def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
-    """A progress bar on standard error for so many runs: finished, failed, time left."""
+    """A progress bar on standard error for a number of runs: finished, failed, time left."""
     last = time.monotonic()
-    first: tuple[float, int] | None = None  # before it are imports and compilation
+    first: tuple[float, int] | None = None  # first report, after imports and compilation
     with _task(label, total, quiet, *_around('MofNCompleteColumn')) as update:
 
         def show(finished: int, failed: int = 0) -> None:
@@ -61,9 +61,9 @@ def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
             if finished >= before + _PACE:
                 left = (total - finished) / (finished - before) * (now - began)
                 told += f', about {left:.0f} s left'
-            if finished > total:  # of a search nobody knows how many follow the first
+            if finished > total:  # the number of further runs of a search is unknown
                 told = note
-            with suppress(OSError):  # as of a log on a disk that is full
+            with suppress(OSError):  # as for a log on a full disk
                 print(f'{label}: {finished}{told}', file=sys.stderr, flush=True)
 
         yield show
@@ -72,7 +72,7 @@ def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
 @contextmanager
 def share(label: str, quiet: bool) -> Iterator[Callable[[float], None]]:
     """A progress bar on standard error for work of which the part done is known, as of a file."""
-    furthest = [0.0]  # what is read a second time does not begin anew
+    furthest = [0.0]  # reading again does not restart the bar
     with _task(label, 1.0, quiet, *_around('TaskProgressColumn')) as update:
 
         def show(done: float) -> None:
@@ -116,7 +116,7 @@ def in_notebook(label: str, total: float) -> Show:
 
 
 def _around(done: str) -> tuple[str, ...]:
-    """A bar between what it is about and how much is done, a note, and the time left."""
+    """A bar between its label and the progress, a note, and the time left."""
     return _WHAT, 'BarColumn', done, _NOTE, 'TimeRemainingColumn'
 
 
@@ -124,7 +124,7 @@ def _around(done: str) -> tuple[str, ...]:
 def _task(
     label: str, total: float | None, quiet: bool, *columns: str, note: str = ''
 ) -> Iterator[Callable[..., None]]:
-    """A line on standard error that goes away when it ends, where somebody looks on.
+    """A line on standard error in a terminal, erased at its end.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def _drawing(machine: Machine) -> str:
 
         return _image(draw(machine))
     except Exception as error:
-        if isinstance(error, InputError | RunError):  # it cannot be put together, and says so
+        if isinstance(error, InputError | RunError):  # it cannot be assembled
             return f'<p>{escape(str(error))}</p>'
         return _without(error)
 

@@ -53,7 +53,7 @@ class SampleWriter:
                     self._write(self._piece, np.minimum(self._times(last + 1), end))
                 incomplete = None
         finally:
-            # what ended the run is no error of the file
+            # the end of the run is not an error of the file
             self._place.__exit__(type(incomplete) if incomplete else None, incomplete, None)
 
     def add(self, piece: Piece) -> None:

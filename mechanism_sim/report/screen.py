@@ -35,18 +35,18 @@ FLASH = tint(ACCENT, 0.4)
 EDGE = 1.32
 """Half the width of the lens, in radii of the bushing."""
 
-_POINTS = 12  # of the pin's path in a frame
+_POINTS = 12  # points of the pin's path in a frame
 _FLASH = 0.1  # [s] of film that an impact is shown
 DENSITY = 100.0
 """Pixels in an inch of print."""
 
 _BLOCK = 256  # frames placed at once
 _SWEEP = 721  # instants by which sizes are chosen
-_ARROW = 0.3  # length of the largest force, of the machine's size
+_ARROW = 0.3  # length of the largest force, as a share of the machine's size
 _HEAD, _FOOT = 34.0, 26.0  # [pixels] for the title, and for the clock
 _LETTER = 7.5  # [pixels] of the title
 _LENS, _WORDS = 170.0, 60.0  # [pixels] at least, and above and below it
-_PART = 0.5, 0.3, 0.75  # of the drawing's height, of its width, of its height at most
+_PART = 0.5, 0.3, 0.75  # shares of the drawing: height, width, largest height
 
 
 class FilmParts(NamedTuple):
@@ -244,7 +244,7 @@ def _lens_joint(record: Record, stage: Stage, wanted: str | None) -> str:
 class _Layout(NamedTuple):
     """Places of axes as parts of a figure: left, bottom, width, height."""
 
-    size: tuple[int, int]  #: of the figure [pixels]
+    size: tuple[int, int]  #: size of the figure [pixels]
     machine: tuple[float, float, float, float]
     lens: tuple[float, float, float, float]
 
@@ -342,7 +342,7 @@ class _Bushing(Lens):
         steady = not record.slides and record.rate > 0.0
         self._turn = 1.0 / record.rate if steady else 0.25 * float(t[-1] - t[0])
         self.metre = PLAY / machine.plan.clearances[joint].radial
-        # of the bushing on the pin; stages without forces have no joints
+        # force of the bushing on the pin; stages without forces have no joints
         known = self._joint in stage.joints
         k = stage.joints.index(self._joint) if known else 0
         self._force = -frames.forces[:, k].T if known else np.zeros((2, len(t)))
@@ -351,7 +351,7 @@ class _Bushing(Lens):
         self._impact_times = np.array([i.t for i in record.piece.impacts if i.joint in own])
         many = _POINTS * len(t)
         self._times = instants(record.piece, float(t[0]), float(t[-1]), 0.0, many, many)
-        # from the bushing's centre to the pin's (2, N), in radii of the bushing
+        # pin's centre relative to the bushing's (2, N), in radii of the bushing
         pair, mechanism = self._joint, record.machine.mechanism
         curve = record.piece.motion.curve
         q = curve.local(*curve.find(self._times)).T

@@ -40,7 +40,7 @@ class SummaryRow(NamedTuple):
 
 
 def amount(label: str, value: float, unit: str, digits: int = 6, words: str = '') -> SummaryRow:
-    """Row of a quantity, in the unit in which people read one of its size."""
+    """Row of a quantity, in a unit suitable for its magnitude."""
     shown, scale = for_people(unit, abs(value))
     return SummaryRow(label, number(scale * value, digits), shown, words)
 
@@ -51,11 +51,11 @@ class Section:
 
     Attributes
     ----------
-    title : a line; empty if the section goes on with the one before
+    title : a line; empty if the section continues the one before
     rows : figures below each other
     table : cells, the head first
     notes : sentences
-    left : how many columns of the table, or which, stand to the left of their width
+    left : number or indices of left-aligned columns of the table
     """
 
     title: str = ''

@@ -67,7 +67,7 @@ def plot(
     ----------
     source : all that `load_scene` takes, or a solution, a cycle, a run that `open_run` opened, a
         bag, or the path of one or of a file of signals
-    names : of quantities, one by one or in lists; without any an overview
+    names : names of quantities, single or in lists; without any an overview
     revolutions, duration : length of the run of a scene
     how : ``against``, ``start``, ``end`` as `mechanism_sim.report.lines.plot` has them
     """
@@ -98,7 +98,7 @@ def animate(
     size: int | tuple[int, int] | None = None,
     **shown: Any,
 ) -> list[Path]:
-    """Write a film of a machine; gives back the files.
+    """Write a film of a machine; returns the files.
 
     >>> import mechanism_sim as ms
     >>> len(ms.animate('slider_crank', 'frames', end='0.1 s', fps='20 Hz', speed=1))
@@ -108,7 +108,7 @@ def animate(
     ----------
     scene : all that `load_scene` takes, or a solution, a cycle, a bag or its path
     file : .mp4, .gif, .svg to be numbered, or a folder for SVG frames
-    run : what it does, such as a solution; the scene's own run if not
+    run : its run, such as a solution; default: the scene's own run
     start, end, fps, speed : as `mechanism_sim.report.video.film` has them
     size : longer side, or width and height [pixels]
     shown : ``lens``, ``forces``, ``paths``, ``labels`` of `mechanism_sim.report.screen.FilmParts`

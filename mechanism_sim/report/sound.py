@@ -47,7 +47,7 @@ def write(
 
     Parameters
     ----------
-    train : of a run that lasts up to `end` [s]
+    train : impacts of a run that lasts up to `end` [s]
     pulse : [s], see `mechanism_sim.sensing.sound.pressure`
     realtime_factor : 0.25 plays a second of the machine in 4 s
     """
@@ -66,7 +66,7 @@ def write(
 
 
 def render(sound: Sound) -> str:
-    """Text for people on the sound that was written."""
+    """Text on the written sound."""
     factor = sound.realtime_factor
     pace = f', at {factor:g} times real time' if factor != 1.0 else ''
     return (

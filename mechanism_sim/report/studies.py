@@ -28,7 +28,7 @@ _STABLE = {
 
 
 def periodic(response: PeriodicResponse) -> str:
-    """A periodic response for people."""
+    """A periodic response as text."""
     sizes = ', '.join(f'{abs(m):.4g}' for m in response.multipliers)
     unit, scale = for_people('N s', response.impulse)
     turns = 'revolution' if response.period == 1 else f'{response.period} revolutions'
@@ -58,7 +58,7 @@ def periodic_json(response: PeriodicResponse | None) -> dict[str, object]:
 
 
 def statistics(found: Statistics) -> str:
-    """Means for people."""
+    """Means as text."""
     kept = found.revolutions - found.skipped
     lines = [f'{counted(kept, "revolution")} after {found.skipped}; a revolution:']
     for m in found.means:
@@ -190,7 +190,7 @@ def fit_json(found: Result) -> dict[str, object]:
 
 
 def exponents_text(found: LyapunovExponents) -> str:
-    """Exponents for people, and what the largest means."""
+    """Exponents as text, with the meaning of the largest."""
     lines = [f'{counted(found.revolutions, "revolution")} after {found.skipped}; exponents [1/s]:']
     for value, half in zip(found.values, found.half_widths, strict=True):
         lines.append(
@@ -223,7 +223,7 @@ def exponents_json(found: LyapunovExponents) -> dict[str, object]:
 
 
 def horizon_section(found: Horizon) -> Section:
-    """Digits of a run that hold, for people."""
+    """Valid digits of a run as text."""
     left = f'of {found.digits:.3g} digits {found.left:.2g} hold at the end'
     if math.isfinite(found.time):
         left = f'of {found.digits:.3g} digits none holds after {found.time:.4g} s'

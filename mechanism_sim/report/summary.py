@@ -35,8 +35,8 @@ SHARE = 0.999
 """Share of the time for the load not exceeded, which stands beside the largest one."""
 
 _BRIEF = 1.5  # times the load of that share: what is larger is a peak
-_SENTENCES = 4  # of what repeats
-_ROUNDING = 1e-12  # of the greatest of its kind, as of a cycle
+_SENTENCES = 4  # number of sentences of a kind
+_ROUNDING = 1e-12  # share of the greatest of its kind, as for a cycle
 _COMPLIANCE = 'deflection', 'stress', 'bearing_moment', 'axial_force'
 
 _IMPACT_KEYS = (
@@ -203,7 +203,7 @@ def impact_rows(
 
     Parameters
     ----------
-    losses : of contact; None where they are not counted
+    losses : number of losses of contact; None if not counted
     """
     yield SummaryRow('impacts', f'{count}')
     yield amount('normal impulse', impulse, 'N s')
@@ -264,7 +264,7 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
 
     Parameters
     ----------
-    digest : of the whole run, where this is a part of one
+    digest : digest of the whole run, if this is a part of one
     hardest : number of impacts in the table, if not all
     """
     machine, solver = record.machine, record.machine.scene.solver
@@ -282,7 +282,7 @@ def _turns_of(record: Record) -> str:
     """Number of turns of a main drive that turns one way."""
     marks = np.append(record.piece.motion.curve.start, record.end)
     passed = np.diff(record.turned(marks))
-    if not passed.sum() > 0.999 * np.abs(passed).sum():  # it swings, or slides: not a number
+    if not passed.sum() > 0.999 * np.abs(passed).sum():  # oscillation or translation: nan
         return ''
     turns, drive = f'{passed.sum():.6g}', record.machine.plan.main.replace('_', ' ')
     return f'{turns} turn{"" if turns == "1" else "s"} of {drive}'

@@ -40,7 +40,7 @@ _WORDS = {
     'I_n': 'impulse per impact',
 }  # fmt: skip
 _MOST_LINES, _MOST_TICKS, _MOST_PANELS = 8, 8, 6
-_MOST_LABELS, _LEVELS = 12, 9  # of best runs, of lines of a surface
+_MOST_LABELS, _LEVELS = 12, 9  # largest number of labels of best runs; lines of a surface
 _LOW, _HIGH = LINKS[0], LINKS[1]
 _UNIT = re.compile(r'[\d.]\s*([A-Za-z°µ%][\w^*/ ]*?)\s*(?=,|]|\+-|$)')
 
@@ -49,7 +49,7 @@ _MOST_ROWS = 40
 
 
 def render(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> str:
-    """The outcome of a sweep for people: its figures if they are few, its failures, its table."""
+    """The outcome of a sweep as text: its figures if they are few, its failures, its table."""
     lines = _few(plan, rows) if len(rows) <= _MOST_ROWS else []
     lines += _spreads(plan, rows)
     failed = [(run, row) for run, row in zip(plan.runs, rows, strict=True) if has_failed(row)]
@@ -98,7 +98,7 @@ def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
 
 
 def _given(value: Any, unit: str) -> str:
-    """A swept value as the file has it; a number with the unit in which people read it."""
+    """A swept value as in the file; a number with a suitable unit."""
     if not isinstance(value, int | float) or isinstance(value, bool) or not unit:
         return str(value)
     shown, scale = for_people(unit)
@@ -186,7 +186,7 @@ def _mean_text(row: Row, name: str, scale: float) -> str:
 
 
 def first_order(found: FirstOrder) -> str:
-    """Tolerances to first order for people."""
+    """Tolerances to first order as text."""
     stacks: list[list[str]] = [
         ['', 'unit', 'nominal', 'deviation', 'worst case', '', 'in full runs', '']
     ]
@@ -468,7 +468,7 @@ class SweepCharts:
 
         Parameters
         ----------
-        every : whether values that are few are written themselves, where they do not collide
+        every : write single values if they are few and do not collide
         """
         unit, by = unit_of(self.plan, path)
         words = _short(path)

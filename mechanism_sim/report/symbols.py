@@ -1,4 +1,4 @@
-"""The engine's expressions in symbols that people read; needs sympy.
+"""The engine's expressions in readable symbols; needs sympy.
 
 A coordinate is ``theta_LINK`` or ``s_LINK``; sympy knows ``thetadot`` and ``thetaddot`` for its
 derivatives. The runtime parameters ``par[i]`` become symbols with a name, a meaning and a value,
@@ -51,7 +51,7 @@ _LARGE = 100
 
 @dataclass(frozen=True)
 class Symbol:
-    """A symbol of the equations and what it stands for."""
+    """A symbol of the equations and its meaning."""
 
     symbol: Expression
     latex: str
@@ -68,7 +68,7 @@ class Symbols:
     ----------
     known : every symbol made so far, by its text
     q, v, a : symbols by coordinate
-    state_rates : of states of first order
+    state_rates : symbols of rates of states of first order
     """
 
     def __init__(self, equations: Equations, states: Sequence[FormulaState] = ()) -> None:
@@ -170,7 +170,7 @@ class Symbols:
         unit: str,
         value: float | None = None,
     ) -> Expression:
-        """A new symbol ``stem_subject``, or the one that stands for the same already.
+        """A new symbol ``stem_subject``, or the present one of the same quantity.
 
         The same is what has stem, subjects and value in common; of several values the later ones
         are numbered.
@@ -299,14 +299,14 @@ def _latex(stem: str, subjects: list[str]) -> str:
 
 
 class Description(NamedTuple):
-    """A parameter for people: symbol, meaning and unit."""
+    """Description of a parameter: symbol, meaning and unit."""
 
-    stem: str  #: of its symbol
+    stem: str  #: stem of its symbol
     subjects: tuple[str, ...]  #: indices of its symbol
     meaning: str
     unit: str
-    direction: bool = False  #: whether it is a component of a unit vector
-    changes: bool = False  #: whether it changes during a run
+    direction: bool = False  #: True for a component of a unit vector
+    changes: bool = False  #: True if it changes during a run
 
 
 def describe(name: str, equations: Equations) -> Description:

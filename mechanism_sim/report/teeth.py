@@ -6,12 +6,12 @@ from mechanism_sim import text_table
 from mechanism_sim.studies.teeth import TrainSearch
 from mechanism_sim.units import counted
 
-#: rows for people; JSON has all
+#: rows of text; JSON has all
 SHOWN = 20
 
 
 def render(search: TrainSearch) -> str:
-    """The best ones as a table, how many there are, and what was searched."""
+    """The best choices as a table, their number, and the searched range."""
     found = search.found
     rows = [('teeth', 'ratio', '', 'error', 'in all')]
     for choice in found[:SHOWN]:

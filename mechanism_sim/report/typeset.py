@@ -277,7 +277,7 @@ def equations(scene: Source, rates: bool = False) -> Typesetter:
     Parameters
     ----------
     scene : all that `load_scene` takes
-    rates : also the first and second derivatives of closures and gaps
+    rates : add the first and second derivatives of closures and gaps
     """
     return Typesetter(derive(load_scene(scene), rates))
 
@@ -291,7 +291,7 @@ _FORMS: dict[str, Callable[[Typesetter], str]] = {
 
 
 def write(setter: Typesetter, file: str) -> None:
-    """Write a file in the form that its ending says: .tex (a document), .md, .html or .txt."""
+    """Write a file in the format of its ending: .tex (a document), .md, .html or .txt."""
     path = output.check_path('--output', file, *_FORMS, new=True)
     output.write_text(path, _FORMS[path.suffix](setter))
 

@@ -19,7 +19,7 @@ from mechanism_sim.studies.modes import CriticalSpeed, NormalMode, Station
 from mechanism_sim.studies.response import FrequencyResponse
 
 _UNDAMPED = 1e-9  # damping ratio up to which there is none but for rounding
-_SHOWN = 1e-6  # of the largest amplitude: an error that six digits show
+_SHOWN = 1e-6  # share of the largest amplitude: an error visible in six digits
 _PEAKLESS = 0.5**0.5  # above it the response to an unbalance has no peak
 
 
@@ -29,7 +29,7 @@ class ModeTable(NamedTuple):
     Attributes
     ----------
     scene : name of the scene
-    stations : one about rest, several over angles or speeds
+    stations : a single one about rest, several over angles or speeds
     over : 'angle' or 'speed'; None about rest
     main : coordinate of the drive
     critical : speeds at which a natural frequency is that of the rotation

@@ -32,7 +32,7 @@ _MOST = 20_000  # frames
 _USUAL = {'.mp4': (30.0, 960), '.gif': (20.0, 560), '': (25.0, 960)}
 """Default frames a second and longer side [pixels]."""
 
-_SHADES = 32  # of grey, and of the accent lighter and darker
+_SHADES = 32  # number of shades of grey, and of the accent
 
 _Grab = Callable[[], None]
 
@@ -45,7 +45,7 @@ class Target:
 
     Parameters
     ----------
-    name : of an .mp4 or .gif file; of an .svg, to be numbered; or of a folder for SVG frames
+    name : name of an .mp4 or .gif file, of an .svg to be numbered, or of a folder for SVG frames
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Target:
 
     @contextmanager
     def writing(self, figure: Any, fps: float, count: int) -> Iterator[_Grab]:
-        """Gives what adds the figure as it is now as the next of so many frames."""
+        """Context of a function that adds the present figure as the next of a number of frames."""
         try:
             if self.kind:
                 with self._film(figure, fps) as grab:
@@ -164,7 +164,7 @@ def _ffmpeg() -> str:
 
 @dataclass(frozen=True)
 class Film:
-    """Film to be written: so many frames of a part of a run.
+    """Film to be written: a number of frames of a part of a run.
 
     Attributes
     ----------
@@ -188,12 +188,12 @@ class Film:
         size: int | tuple[int, int] | None = None,
         show: Callable[[int, int], None] = lambda *_: None,
     ) -> tuple[list[Path], tuple[int, int]]:
-        """Make and write all frames; gives back the files, and the size of frames [pixels].
+        """Make and write all frames; returns the files, and the size of frames [pixels].
 
         Parameters
         ----------
         size : longer side, or width and height [pixels]
-        show : called after each frame with their number, and 0
+        show : callback after each frame with their number, and 0
         """
         with figures.style():
             screen = Screen(self.record, self.t, shown, self.speed, size or self.target.usual_size)
@@ -212,10 +212,10 @@ def film(
 
     Parameters
     ----------
-    start, end : [s] of the run; all of it unless told
+    start, end : range of the run [s]; default: all of it
     fps : frames a second
-    speed : simulated seconds in a second of film; unless told a turn of the drive takes 3 s, or a
-        run that has none 6 s
+    speed : simulated seconds per second of film; default: a turn of the drive takes 3 s, or a
+        run without turns 6 s
     """
     start, end = record.part(start, end)
     fps = target.usual_rate if fps is None else fps

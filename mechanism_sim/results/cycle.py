@@ -70,9 +70,9 @@ class Cycle(plotting.Rich):
     ----------
     machine, solution : machine and its run
     t : (N + 1,) [s] evenly spaced
-    repeats : whether it is a whole number of turns of a drive at constant speed
-    static : whether inertia forces are left out
-    ranges : whether it goes from one limit to the other of a drive that cannot turn round, which
+    repeats : True if it is a whole number of turns of a drive at constant speed
+    static : True if inertia forces are left out
+    ranges : True if it goes from one limit to the other of a drive that cannot turn round, which
         starts and stops there
     """
 
@@ -366,7 +366,7 @@ def cycle(
     periods : turns of the drive; as many as bring all again if not given (`MainDrive.repetition`)
     duration : [s] instead, for a drive without constant speed; by default that of the scene
     points : points of requested paths, ``LINK.POINT``
-    local : whether forces on each link along and across it are included
+    local : True if forces on each link along and across it are included
     static : forces without those of inertia ([V] 3.5.1): weights stay, and what loads, dampers and
         friction owe to the speed
 

@@ -69,7 +69,7 @@ class Figure:
     names : dotted names in the expression
     percent : percentage of a percentile
     since, until : window; None for that of the run
-    per_revolution : whether it is the mean over whole revolutions of the figure in each
+    per_revolution : True if it is the mean over whole revolutions of the figure in each
     tree : tree of the expression
     path : points of the file of a distance
     """

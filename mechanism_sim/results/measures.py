@@ -80,7 +80,7 @@ class Measurement:
     ----------
     measures : texts by name or as a list, or measures already read
     since, until : the window [s] of figures that name none
-    static : whether inertia forces are left out
+    static : True if inertia forces are left out
     begin : [s] earliest time that counts for any figure: a cycle may begin in a run
     """
 

@@ -40,7 +40,7 @@ class View:
     segments, dt : instants as those of ``motion.curve.at(segments, dt)``
     balance : energy terms of the motion for cumulative quantities, or a function for them
     t : times of the instants (N,) [s], if known
-    static : whether inertia forces are left out
+    static : True if inertia forces are left out
     """
 
     def __init__(
@@ -203,9 +203,9 @@ class Quantity:
     evaluate : function that returns its values (N,) in a view of N instants
     shown : tables that contain it by default
     part : component of a vector, one of `PARTS`; else empty
-    counted : whether it is a state or a count, without extremes
-    difference : whether it is a difference of lengths of the machine's size, with their rounding
-    cumulative : whether it is an integral over the motion so far, at eight times the cost
+    counted : True if it is a state or a count, without extremes
+    difference : True if it is a difference of lengths of the machine's size, with their rounding
+    cumulative : True if it is an integral over the motion so far, at eight times the cost
     """
 
     name: str

@@ -203,8 +203,8 @@ class LoadPeaks:
     Parameters
     ----------
     since : as for `QuantityRanges`
-    shapes : whether durations of the peaks are computed
-    bearings : whether loads of bearings of shafts, and of tilting bearings, are included
+    shapes : True if durations of the peaks are computed
+    bearings : True if loads of bearings of shafts, and of tilting bearings, are included
     others : further quantities whose ranges are computed in the same pass
     """
 

@@ -212,7 +212,7 @@ class Piece(Rich):
         names : as for `sample`; or sensors as well, ``acc`` or ``sensors.acc``, whose samples all
             are due at the same instants, at which the others are taken
         rate : samples a second; 1000 in all if not given; that of the sensors where there are some
-        library : as of `Table.to_frame`
+        library : library, as for `Table.to_frame`
         """
         return self.framed(names, rate, self.signal).to_frame(library)
 
@@ -333,7 +333,7 @@ class Runner:
     ----------
     engine : engine already started, instead of a new one
     resume : snapshot from which the run continues
-    audited : whether its motion is that of the machine; a shooting method tries motions that may
+    audited : True if its motion is that of the machine; a shooting method tries motions that may
         violate gaps, and asks for the audit of the one that it ends with
     together : steps that are audited at once where pieces have fewer: then work in pieces is not
         known before `balance` is asked for, and a run that fails does so some steps later
@@ -344,7 +344,7 @@ class Runner:
     engine : its integrator
     audit : energy balance of all pieces yielded so far
     known : time [s] up to which the motion is known, including a step held back
-    more : whether further pieces follow the last one up to the requested time
+    more : True if further pieces follow the last one up to the requested time
     """
 
     def __init__(
@@ -378,9 +378,9 @@ class Runner:
         Parameters
         ----------
         observers : called with every piece before it is handed on
-        final : whether the last step is cut off there; else it is held back, for what comes later
+        final : True if the last step is cut off there; else it is held back, for what comes later
             may need it whole
-        batch : by default `BATCH`
+        batch : sizes of batches; default: `BATCH`
         held : called before the last step is cut off
 
         Raises
@@ -539,7 +539,7 @@ def instants(
     density : density of instants [1/s], uniform or (S + 1,) at the ends of steps
     fewest, most : limits of the number of instants beside those at events
     events : largest number of events, the hardest impacts first, then changes of mode
-    steps : whether the ends of steps are included
+    steps : True if the ends of steps are included
     """
     curve = piece.motion.curve
     if isinstance(density, float):

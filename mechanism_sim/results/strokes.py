@@ -151,7 +151,7 @@ def find_swings(
     span : begin and end of the cycle [s]
     sizes : (n,) greatest less least values [rad or m]
     period : period of the drive [s], a whole part of the cycle, if that repeats
-    whole : whether all is as before after the cycle: then what has moved on by a part of a turn,
+    whole : True if all is as before after the cycle: then what has moved on by a part of a turn,
         or along a line, does so in every cycle
     """
     ends = np.array(span)

@@ -36,12 +36,12 @@ class Assembly(NamedTuple):
 
     q: Array  #: (n,) coordinates [rad, m]
     v: Array  #: (n,) their rates
-    freedom: int  #: motions left when all drives stand still
+    freedom: int  #: degrees of freedom with all drives at rest
     overdriven: int  #: drives that contradict others
     redundant: int  #: closure equations that follow from the others, elastic joints left out
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
     loop: FourBarLoop | None = None  #: the four-bar that it is, if its motion has a closed form
-    dependent: int = 0  #: as `redundant`, with elastic and loose joints as if they were ideal
+    dependent: int = 0  #: like `redundant`, with ideal joints for elastic and loose ones
 
 
 def assemble(plan: ScenePlan) -> Assembly:
@@ -67,7 +67,7 @@ def assemble(plan: ScenePlan) -> Assembly:
     soft = (*plan.elastic, *plan.clearances)
     ranks, hard = _ranks(moving, q, soft), sum(r not in soft for r in moving.rows)
     if ranks[0] < len(moving.sought) or ranks[1] > ranks[0] or ranks[2] < hard:
-        # at this position only, if there is more to them beside it
+        # at this position only, if the rank is higher nearby
         beside = [_ranks(moving, x, soft) for x in neighbours(moving, q).T]
         ranks = np.max([ranks, *beside], axis=0)
     freedom, overdriven = len(moving.sought) - int(ranks[0]), int(ranks[1] - ranks[0])
@@ -103,7 +103,7 @@ def _hung(plan: ScenePlan, q: Array, v: Array) -> tuple[Array, Array]:
     ideal, q, v = plan.ideal, q.copy(), v.copy()
     index = {c: i for i, c in enumerate(ideal.coordinates)}
     left = [*ideal.floating]
-    for _ in ideal.floating:  # one hangs on the other
+    for _ in ideal.floating:  # one depends on the other
         for bushing in plan.scene.bushings.values():
             ends = [plan.find('bushings', point) for point in bushing.between]
             for held, (link, at) in (ends, ends[::-1]):
@@ -259,7 +259,7 @@ def _started(plan: ScenePlan, kinematics: Kinematics, q: Array) -> Array:
 
 
 def opening(kinematics: Kinematics, q: Array, v: Array) -> tuple[str, float]:
-    """The joint whose closure opens fastest at rates (n,), and how fast [m/s]."""
+    """The joint whose closure opens fastest at rates (n,), and its rate [m/s]."""
     _, J = kinematics.closure(q[:, None])
     speeds = np.abs(J[0] @ v)
     worst = int(np.argmax(speeds)) if speeds.size else 0

@@ -174,7 +174,7 @@ def _check_inertia(machine: Machine) -> None:
     at = machine.assembly
     q, _ = converted(machine.plan.ideal, mechanism, at.q, at.v)
     direction = _without_mass(loops, q)
-    if direction is not None and loops.rows:  # at this position only, if it is singular
+    if direction is not None and loops.rows:  # at this position only, if singular
         _, J = loops.closure(q[:, None])
         beside = neighbours(loops, q)
         ranks = [np.linalg.matrix_rank(x) for x in loops.closure(beside)[1]]
@@ -215,7 +215,7 @@ def _without_mass(loops: Kinematics, q: Array) -> Array | None:
 
 def _check_joints(machine: Machine) -> None:
     loose, touching = machine.plan.rigid, machine.plan.touching
-    places: dict[str, list[tuple[float, float]]] = {}  # of joints, by link
+    places: dict[str, list[tuple[float, float]]] = {}  # positions of joints, by link
     for link, at in (point for j in machine.plan.joints for point in j.points):
         places.setdefault(link, []).append(at)
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
@@ -258,7 +258,7 @@ def _check_clearance(where: str, law: str, spec: ClearanceSpec, soft: bool) -> N
     Parameters
     ----------
     law : the key of their law of force
-    soft : whether any contact of the machine is compliant
+    soft : True if any contact of the machine is compliant
     """
     if soft and spec.wall == 'rigid':
         key = f'{law}.stiffness' if spec.film else law
@@ -343,7 +343,7 @@ def _check_redundant(machine: Machine) -> None:
         f'{count} of the closure equations follow{"s" * (count == 1)} from the others, so that '
         'this force is not determined; make a joint that is redundant a slot, or an elastic one'
     )
-    for f in machine.plan.frictions(machine.mechanism):  # by its ends a block rubs by its moment
+    for f in machine.plan.frictions(machine.mechanism):  # a block has friction by its moment
         if is_force_open(open_, f.name) or (getattr(f, 'length', False) and f.name in open_):
             raise InputError(f'joints.{f.name}.friction follows from its force, but {why}')
     for name, sensor in machine.scene.sensors.items():

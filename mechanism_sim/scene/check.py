@@ -102,7 +102,7 @@ class Report:
     coordinates: dict[str, str]  #: name: prescribed, follows or free
     relations: list[str]
     gaps: list[str]
-    starts: dict[str, GapStart]  #: of every gap
+    starts: dict[str, GapStart]  #: initial state by gap
     limits: list[str]  #: limits that stop the machine, or may: the first of its notes
     left_out: list[str]
     notes: list[str]
@@ -420,7 +420,7 @@ def _chain(sensor: SensorPart) -> list[str]:
 
 
 def render(report: Report) -> str:
-    """The report as text for people."""
+    """The report as text."""
     lines = [f'{report.scene}: {report.title}']
     if report.questions:
         lines += ['questions', *(f'  {question}' for question in report.questions)]

@@ -19,7 +19,7 @@ def drawn_edges(path: Path, where: str, layer: str | None, unit: str | None) -> 
     Parameters
     ----------
     where : the file and key that name it, which begin each sentence about it
-    unit : of lengths, if not as the drawing says
+    unit : unit of lengths, if not that of the drawing
     """
     where = f"{where}: '{path.name}'"
     ezdxf = needed('ezdxf', 'profiles from drawings')

@@ -102,7 +102,7 @@ class DrivenStart(NamedTuple):
     ----------
     source : continues the laws behind the last one
     begin : value and rate
-    turns : whole turns beside the value
+    turns : whole turns added to the value
     """
 
     laws: tuple[Law, ...]
@@ -118,7 +118,7 @@ def read_laws(
 
     Parameters
     ----------
-    start, guess : its value as `initial` gives it, before the drive itself, and as `guess` does
+    start, guess : its value by `initial`, which precedes the drive's own, and by `guess`
     """
     where = drive_key(names, c)
     _check_ways(where, c, drive, straight)
@@ -253,7 +253,7 @@ def read_motor(names: Names, coordinate: str, drive: DrivePart, tree: Mechanism)
 
 
 def _motor_law(where: str, coordinate: str, motor: MotorPart) -> TorqueLaw:
-    """The straight line of a direct-current motor; nothing beside another characteristic."""
+    """The straight line of a direct-current motor; empty for another characteristic."""
     if motor.stall_torque is None or motor.no_load_speed is None:
         return TorqueLaw(coordinate)
     if motor.no_load_speed == 0.0:
@@ -305,7 +305,7 @@ def _profile_laws(
     if not rate:
         way = TWO_PI * (0 if straight else round(way / TWO_PI))
     source = RepeatedLaws(cycle, period, way)
-    if rate and begin:  # it starts where it is at time zero, which lies in a period before these
+    if rate and begin:  # the position at time zero, in an earlier period
         off = float(_place(start, 0.0) - _place(source.first(), 0.0))
         cycle = [
             replace(law, coefficients=(law.coefficients[0] + off, *law.coefficients[1:]))
@@ -430,7 +430,7 @@ def phases(distance: float, limits: MoveLimits) -> list[tuple[float, float, floa
             ramp = 2.0 * rise
     if ramp - 2.0 * rise < _SHORTEST * ramp:
         ramp = 2.0 * rise
-    peak = (way / (steady + ramp)) / (ramp - rise) * sign  # acceleration that goes all the way
+    peak = (way / (steady + ramp)) / (ramp - rise) * sign  # acceleration over all of it
     jerk = peak / rise if rise else 0.0
     hold = ramp - 2.0 * rise
     found = [(rise, 0.0, jerk), (hold, peak, 0.0), (rise, peak, -jerk), (steady, 0.0, 0.0)]
@@ -461,9 +461,9 @@ def _move_laws(
             time += duration
         goal = place
         laws.append(DriveLaw(start.coordinate, (goal, 0.0), time, time, start.straight))
-    if time > laws[-1].valid_from:  # it rests at the end
+    if time > laws[-1].valid_from:  # rest at the end
         laws.append(DriveLaw(start.coordinate, (goal, 0.0), time, time, start.straight))
-    later = [*laws[1:], None]  # where a move follows at once, nothing rests
+    later = [*laws[1:], None]  # no rest between successive moves
     return [
         law
         for law, after in zip(laws, later, strict=True)

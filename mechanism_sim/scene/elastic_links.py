@@ -202,7 +202,7 @@ def elastic_notes(
 
 
 def _treatment(ratio: float, bent: float, impacts: bool) -> str:
-    """Advice for a link whose first mode is so many times as fast as the drive.
+    """Advice for a link by the ratio of its first natural frequency to the drive's.
 
     Parameters
     ----------

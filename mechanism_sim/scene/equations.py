@@ -49,7 +49,7 @@ class EquationsOfMotion:
 
     Attributes
     ----------
-    name : of the scene
+    name : name of the scene
     assembly : initial configuration of the mechanism without clearance
     """
 

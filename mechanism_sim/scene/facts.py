@@ -26,8 +26,8 @@ class Facts(NamedTuple):
     part : the kind of part it holds, if it holds parts
     many : ``list`` or ``dict`` by name, if there are several
     quantities : quantities of its numbers, in order
-    bounds : in words
-    choices : what may stand there, if little may
+    bounds : bounds in words
+    choices : allowed values, if few
     """
 
     part: type[Part] | None
@@ -134,7 +134,7 @@ def as_written(value: Any, facts: Facts | None = None, every: bool = False) -> A
 
     Parameters
     ----------
-    every : whether keys with default values are written, too
+    every : write keys with default values, too
     """
     if isinstance(value, Part):
         return {

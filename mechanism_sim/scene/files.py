@@ -53,8 +53,8 @@ def content_of(
 
     Parameters
     ----------
-    name : of one that has none; files that it names are beside the current folder
-    overrides : for which it is meant: files that they replace are not read
+    name : name of a scene without one; its files are relative to the current folder
+    overrides : overrides of the scene: files that they replace are not read
     """
     replaced = [path for path, _ in _pairs(overrides)]
     if isinstance(source, Scene | FourBarScene):
@@ -194,7 +194,7 @@ def overridden(
 
     Parameters
     ----------
-    folder : where files of tables are that overrides name; their points replace others
+    folder : folder of table files in overrides; their points replace others
     """
     content = copy.deepcopy(dict(data))
     try:
@@ -261,7 +261,7 @@ def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:
         if isinstance(place, dict) and place.get(part) is None:
             place[part] = {}
         at = _part(place, part, key, file)
-        if isinstance(place[at], tuple):  # of a scene that was read already
+        if isinstance(place[at], tuple):  # from a scene that was read already
             place[at] = [*place[at]]
         place = place[at]
         if not isinstance(place, dict | list):

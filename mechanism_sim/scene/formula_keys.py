@@ -123,8 +123,8 @@ def check_formula(
 
     Parameters
     ----------
-    unit : wanted; None for any
-    own : names of the place at which it stands, with their units
+    unit : required unit; None for any
+    own : local names with their units
     """
     states = _state_units(places)
     units: dict[str, str | None] = {x: of or None for x, of in states.items()}
@@ -170,7 +170,7 @@ def check_formula(
 def table_calls(
     root: ExpressionNode, tables: Collection[str], links: Collection[str]
 ) -> Iterator[tuple[ExpressionNode, dict[str, float]]]:
-    """Calls of tables in a formula at sums of angles, and how often these count each link.
+    """Calls of tables in a formula at sums of angles, with the factors of each link.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ _PLAYS = 'clearance', 'lift_off', 'backlash'
 Source: TypeAlias = str | Path | Mapping[str, Any] | Scene | FourBarScene | Machine
 """All from which `load_scene` makes a machine."""
 
-RAMP = 0.01  # of the way between limits, on which a drive comes to its speed
+RAMP = 0.01  # acceleration distance of a drive, as a share of that between limits
 _BESIDE = 1e-12  # of the way: so near to a limit, links stand where they do at it, to 1e-6
 _MOMENT = 1e-6  # [s] of which no more than the start is looked at
 
@@ -38,7 +38,7 @@ _MOMENT = 1e-6  # [s] of which no more than the start is looked at
 def load_scene(
     source: Source, overrides: Mapping[str, Any] | str | Iterable[str] = (), name: str = 'scene'
 ) -> Machine:
-    """A scene ready to run: one of the package by name, or your own, in whatever form it is.
+    """A scene ready to run: one of the package by name, or your own, in any form.
 
     Numbers are in SI units, text has units as in files (``'64 mm'``); numbers and arrays of NumPy
     and quantities of pint are taken as well.
@@ -56,7 +56,7 @@ def load_scene(
     source : a name such as ``'four_bar_clearance'``, a path such as ``'my/machine.yaml'``, YAML as
         text, a dictionary, a `Scene`, or a machine, which stays as it is without overrides
     overrides : values by dotted path, such as ``{'drive.speed': '300 rpm'}``
-    name : of a machine whose source has none
+    name : name of a machine whose source has none
     """
     if isinstance(source, Machine):
         if not overrides:
@@ -90,7 +90,7 @@ def unit_at(scene: Scene, path: str) -> str:
 
 
 def span(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
-    """The duration [s] asked for, as revolutions of the crank or as a time, ``'10 s'``.
+    """The requested duration [s], from revolutions of the crank or a time, ``'10 s'``.
 
     If none is asked for, that of the scene, or else as many revolutions as bring all again.
     """
@@ -139,7 +139,7 @@ def started_at(machine: Machine, angle: float) -> Machine:
 
 
 def has_place(machine: Machine) -> bool:
-    """True if the position of its main drive tells all of the state, as `placed` needs it."""
+    """True if the position of its main drive determines the state, as required by `placed`."""
     alone = len(machine.plan.laws) == 1 and keeps_speed(machine.plan, machine.plan.main)
     return alone and not (machine.level.dynamic or machine.assembly.freedom)
 
@@ -151,7 +151,7 @@ def placed(machine: Machine, value: float) -> Machine:
 
     Parameters
     ----------
-    value : of the drive [rad, m]; an angle without its turns will do
+    value : position of the drive [rad, m]; an angle up to whole turns
     """
     plan, main = machine.plan, machine.plan.main
     straight, turned = main in plan.ideal.displacements, TURN * plan.turned.get(main, 0)
@@ -173,7 +173,7 @@ def placed(machine: Machine, value: float) -> Machine:
 
 
 def over_range(machine: Machine) -> Machine | None:
-    """Copy of a machine whose drive cannot turn round, that goes from one limit to the other.
+    """Copy of a machine with a limited drive, moving from one limit to the other.
 
     At the speed of its drive, but for the beginning and the end of the way: there the drive starts
     and stops, for at constant speed links would be infinitely fast at the limits. None if it can
@@ -190,7 +190,7 @@ def over_range(machine: Machine) -> Machine | None:
     if place is None:
         return None
     ramp = 2.0 * RAMP * size / abs(speed)
-    # as if it came from the very limit: there all links move as smoothly as elsewhere
+    # as if from the limit itself, where the motion of all links is smooth
     begun = ramp * math.sqrt(beside / (RAMP * size))
     slow, steady = speed * begun / ramp, ramp - begun + (1.0 - 2.0 * RAMP) * size / abs(speed)
     unit = 'm/s' if main in plan.ideal.displacements else 'rad/s'
@@ -245,7 +245,7 @@ def without_clearance(machine: Machine, rigid: bool = False) -> Machine:
 
     Parameters
     ----------
-    rigid : whether elastic joints are rigid, too
+    rigid : treat elastic joints as rigid, too
     """
     scene, driven = machine.scene, machine.plan.prescribed
     plays = (*_PLAYS, 'elasticity') if rigid else _PLAYS

@@ -74,9 +74,9 @@ class Machine(Rich):
 
     Attributes
     ----------
-    name : of the scene
+    name : name of the scene
     scene : content of the scene, in SI units
-    questions : about what its file says and its content in SI units does not, as units
+    questions : questions on contents of its file only, such as units
     """
 
     name: str
@@ -119,7 +119,7 @@ class Machine(Rich):
         """Main drive of the machine."""
         return MainDrive(self.plan, self)
 
-    # --- its start, and how much mechanics it needs ---------------------------------------------
+    # --- its start, and the level of its mechanics ----------------------------------------------
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -134,7 +134,7 @@ class Machine(Rich):
 
     @cached_property
     def touching(self) -> dict[str, ClearanceSpec]:
-        """Contacts of joints beside constraints and clearances, where they can act.
+        """Active contacts of joints in addition to constraints and clearances.
 
         None where drives and closed loops say all of the motion.
         """
@@ -233,11 +233,11 @@ class Machine(Rich):
         return run
 
     def snapshot(self, run: Run) -> Snapshot:
-        """State from which another run of this machine goes on where this one stands."""
+        """State from which another run of this machine continues this one."""
         return replace(run.snapshot(), machine=self.fingerprint)
 
     def resume(self, snapshot: Snapshot) -> Run:
-        """A run that goes on where another of this machine stood, bit by bit."""
+        """A bit-identical continuation of another run of this machine."""
         if snapshot.machine != self.fingerprint:
             raise InputError(
                 f'the snapshot is of a machine other than {self.name}: give the same scene with '
@@ -409,7 +409,7 @@ class MainDrive:
         return [self.law, *takewhile(lambda law: law.valid_from < end, later)]
 
     def time_of(self, revolutions: float) -> float:
-        """Time at which the drive has made so many revolutions [s]."""
+        """Time at which the drive has made a number of revolutions [s]."""
         t = next(self.times_of([revolutions]), None)
         if t is None:
             main = self.plan.main

@@ -26,7 +26,7 @@ _LEAST_TRANSMISSION = 30.0
 
 
 class Limit(str):
-    """A note on what stops a machine, or may: people read it first."""
+    """A note on possible blocking of a machine, printed first."""
 
     __slots__ = ()
 
@@ -50,7 +50,7 @@ def motion_notes(
         else:
             lines = _slider_crank_notes(linkage, crank)
         whose = f'{", ".join(links)}: ' if len(found) > 1 else ''
-        # what turns only as far as others turn it stops nothing
+        # links that follow others block nothing
         notes += [(type(line) if crank in driven else str)(whose + line) for line in lines]
     return notes
 
@@ -192,6 +192,6 @@ def between(low: float, high: float) -> str:
 
 
 def _limit(angle: float) -> str:
-    """A limit [deg] in six digits, or as many as tell it from the half turn that it forbids."""
+    """A limit [deg] in six digits, or as many as distinguish it from the excluded half turn."""
     texts = (f'{angle:.{digits}g}' for digits in range(6, 18))
     return next(text for text in texts if float(text) % 180.0 or not angle % 180.0)

@@ -36,9 +36,9 @@ class Nominal:
 
     Attributes
     ----------
-    name : of the scene
+    name : name of the scene
     assembly : initial configuration
-    forces : whether its runs need forces
+    forces : True if its runs need forces
     """
 
     name: str
@@ -191,7 +191,7 @@ class Nominal:
 
         Parameters
         ----------
-        loads : whether its pieces must be short enough for loads, too
+        loads : limit its pieces to lengths suitable for loads, too
 
         Raises
         ------

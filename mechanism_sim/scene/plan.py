@@ -67,24 +67,24 @@ class ScenePlan(Names):
     Attributes
     ----------
     bodies : the moving links; those without mass data are massless
-    joints : between them
-    closing : which of them are cut to make a tree if none is loose
-    clearances : of the loose ones
+    joints : joints between bodies
+    closing : joints that are cut for a tree without clearances
+    clearances : clearances by loose joint
     touching : contacts of those that have some beside their constraint or clearance, as stops
-    laws : of the driven coordinates, in the order in which they take over
-    sources : what goes on behind the last of these, for motions without end
-    begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
+    laws : laws by driven coordinate, in order of time
+    sources : sources of further laws by coordinate, for motions without end
+    begins : by coordinate driven by torque or force, and by elastic coordinate: value and
         rate at the start
     given : values and rates of coordinates that the scene sets outright, and rates that `initial`
         gives of points, for which the start is solved
     floating : the same of coordinates that only the machine with its clearances has
-    assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
+    assumed : coordinates of `begins` with assumed values, and those with assumed rates
     guess : rough values of coordinates
-    frictions : of ideal joints, of a tree of the mechanism
-    states : of first order
-    efforts : what prescribed drives supply, where it is given
-    motors : of the driven coordinates that have one whose torque is no straight line over speed
-    weighed : whether every link has the mass properties needed for forces
+    frictions : dry friction of ideal joints, for a tree of the mechanism
+    states : states of first order
+    efforts : given efforts of prescribed drives
+    motors : motors of driven coordinates with a torque not linear in speed
+    weighed : True if every link has the mass properties needed for forces
     """
 
     scene: Scene
@@ -255,7 +255,7 @@ class ScenePlan(Names):
 
     @property
     def placed_outright(self) -> bool:
-        """True if the scene gives initial positions, beside the main drive."""
+        """True if the scene gives initial positions other than that of the main drive."""
         return bool((self.given[0].keys() | self.given[1]) - {self.main}) or any(self.floating)
 
     @cached_property
@@ -405,7 +405,7 @@ def restart(plan: ScenePlan, run: EventLoop, state: State) -> None:
 def announce(
     plan: ScenePlan, run: EventLoop | NominalRun, laws: Mapping[str, Sequence[Law]]
 ) -> None:
-    """Let a run know what comes behind the first of its laws.
+    """Give a run the laws after its first one.
 
     Nothing of its own follows others than those of the scene.
     """

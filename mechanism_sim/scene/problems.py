@@ -102,7 +102,7 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         least = context['min_length']
         few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
         return f'{shown}: {few}'
-    # of a value that may be one of several types, each has a problem of its own
+    # each possible type of a value has a problem of its own
     own = [p for p in problems if _place(p, data) == path]
     if kind == 'model_type' and len(own) == 1:
         models = _at(model, path)

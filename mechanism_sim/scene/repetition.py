@@ -40,8 +40,8 @@ class Repetition:
     Attributes
     ----------
     turns : a whole number; 1 too if there is none up to `MOST`, or nothing is known of it
-    last : what comes again last, or not at all; empty if one turn brings all again
-    found : whether the whole machine repeats itself
+    last : quantity with the longest period, or without any; empty for a period of one turn
+    found : True if the whole machine is periodic
     duration : [s] instead, of a drive whose speed repeats itself over time
     """
 
@@ -102,8 +102,8 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
 
     Parameters
     ----------
-    nominal : of the machine with rigid links
-    period : of a turn of the main drive [s], at its constant speed
+    nominal : nominal model of the machine with rigid links
+    period : period of a turn of the main drive [s], at its constant speed
     """
     found, plan = _by_turns(nominal, period), nominal.plan
     periods = {c: x.period for c, x in plan.sources.items()}
@@ -149,8 +149,8 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
 
     Parameters
     ----------
-    nominal : of the machine with rigid links
-    period : of a turn of the main drive [s], at its constant speed
+    nominal : nominal model of the machine with rigid links
+    period : period of a turn of the main drive [s], at its constant speed
     """
     plan = nominal.plan
     first = [laws[0] for laws in plan.laws.values()]
@@ -170,7 +170,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
     if len(first) == 1 and not plan.powered:
         pace = math.copysign(TWO_PI, plan.held[plan.main][1])
         first, period = [DriveLaw(plan.main, (plan.held[plan.main][0], pace))], 1.0
-    if nominal.assembly.freedom or plan.powered:  # where other links go is not known beforehand
+    if nominal.assembly.freedom or plan.powered:  # motion of other links is not known beforehand
         phases = [phase for phase in phases if {*phase.factors} <= known_before]
     alone = all({*phase.factors} <= known_before for phase in phases)
     last, never = '', [phase.text for phase in phases]
@@ -203,7 +203,7 @@ def _turned(
 
 
 def _again(phase: _Phase, turned: Mapping[str, float]) -> bool:
-    """True if a sum of angles has gone on by whole spans."""
+    """True if a sum of angles has advanced by whole spans."""
     return is_whole(math.fsum(f * turned[x] for x, f in phase.factors.items()) / phase.span)
 
 

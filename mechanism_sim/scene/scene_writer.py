@@ -231,7 +231,7 @@ def _indented(lines: Iterable[Entry]) -> Iterator[Entry]:
 
 
 def _rows(line: Entry) -> Iterator[str]:
-    """A line, and its note beside it or, where there is no room, below."""
+    """A line, and its note beside it or, without room, below."""
     if not line.note:
         yield line.text
         return
@@ -256,7 +256,7 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
 
     Parameters
     ----------
-    name : of the scene; its file is ``NAME.yaml``, in a folder that exists
+    name : name of the scene; its file is ``NAME.yaml``, in an existing folder
     source : a scene of the package or a path
     overrides : values by dotted path, or texts ``path=value``
     """

@@ -1,4 +1,4 @@
-"""Starts at singular positions: how a mechanism can move at all, and which way it goes on."""
+"""Starts at singular positions: possible motions, and the choice of a branch."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ALIKE = 1e-6
 
 
 def neighbours(kinematics: Kinematics, q: Array) -> Array:
-    """Some configurations (n, N) beside one of (n,), with the held coordinates moved on.
+    """Configurations (n, N) near one of (n,), with displaced driven coordinates.
 
     The rank of the constraints there is that of the motion, which may be higher than in a
     singular position.
@@ -44,8 +44,8 @@ def begin(
 ) -> tuple[Array, Array]:
     """Branch on which a driven mechanism leaves a singular position: q and dq/du there.
 
-    Of the branches that meet there, the one that comes nearest to the guess; if the guess does
-    not tell, one on which no joint stands still; then that on which the rates change least.
+    Of the branches that meet there, the one nearest to the guess; if the guess does
+    not decide, one on which no joint is at rest; then that with the least change of rates.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def begin(
             f'the start is a singular position from which {driven} cannot move on; start beside '
             "it, or give another 'guess'"
         )
-    # places (B, n, K) that the branches come to, the way the drive goes
+    # positions (B, n, K) reached by the branches, in the drive's direction
     shift = np.linspace(0.0, math.copysign(1.0, pace), 64) * found.width[:, None]
     ahead = found.at(shift)[0].transpose(1, 0, 2)
     offs = (ahead - guess[None, :, None]) / kinematics.scale[:, None]

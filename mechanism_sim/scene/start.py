@@ -45,11 +45,11 @@ _SOFT = 1e-3
 _ROUNDS = 30
 _SEATED = 1e-16
 _STEPS = 30
-_SHIFT = 1e-6  # of the lengths of links: of coordinates, and of their way in a turn
-_SOON = 1e-9  # of a turn of the drive, or [s]: after the start
-_MOMENT = 1e-4  # of a turn of the drive, or [s]: before and after the start
-_ROUNDING = 1e-12  # of the size of the machine
-_SETTLED = 1e-11  # of the size of the machine
+_SHIFT = 1e-6  # step of coordinates and of their change in a turn, over the size
+_SOON = 1e-9  # time after the start, in turns of the drive or [s]
+_MOMENT = 1e-4  # time before and after the start, in turns of the drive or [s]
+_ROUNDING = 1e-12  # as a share of the machine's size
+_SETTLED = 1e-11  # as a share of the machine's size
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Start:
 
     Attributes
     ----------
-    period : of the drive [s]
+    period : period of the drive [s]
     """
 
     plan: ScenePlan
@@ -90,7 +90,7 @@ class Start:
         values = observer.gaps.values(np.array([[q[c]] for c in system.coordinates]), outside)
         closed = []
         for gap, value in zip(system.gaps, values, strict=True):
-            if isinstance(gap, MotionBound):  # what touches is resolved as the run begins
+            if isinstance(gap, MotionBound):  # contacts are resolved at the start of the run
                 check_apart(gap, float(gap.distance(value)[0]), self._loose.size)
                 closed.append(False)
                 continue
@@ -199,7 +199,7 @@ class Start:
             return guess  # the loops of the ideal mechanism are closed
         try:
             closed = closed_near(every, guess, targets)
-            for _ in range(_ROUNDS):  # where axes lean, the seat turns with the links
+            for _ in range(_ROUNDS):  # directions may depend on link angles
                 before = targets.copy()
                 aim(dict(zip(names, closed.tolist(), strict=True)))
                 if np.abs(targets - before).max(initial=0.0) <= _SEATED * loose.size:
@@ -274,7 +274,7 @@ class Start:
             force = forces[name]
             if not np.isfinite(force).all():
                 if plan.placed_outright:
-                    continue  # at the centre, if it is not said otherwise
+                    continue  # at the centre by default
                 raise InputError(
                     f'start = seated, but without clearance the force in {name} is not '
                     "determined; write 'start: centred'"

@@ -29,14 +29,14 @@ Values = dict[str, float]
 _TRIES = 128
 _STEPS = 40
 _SETTLED = 1e-14
-_NEAR = 1e-3  # of the size of the machine, or of its rates: what rounded digits may leave
-_WEAK = 1e-4  # weight of rough values beside places that are told
+_NEAR = 1e-3  # tolerance for rounded digits, as a share of the machine's size, or of its rates
+_WEAK = 1e-4  # weight of rough values relative to given positions
 _MOVES = 1e-9
 
 
 @dataclass(frozen=True)
 class StartTarget:
-    """Conditions on a start beside coordinates: two equations of a point, one of a block.
+    """Further conditions on a start: two equations of a point, one of a block.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ def solved(
     Parameters
     ----------
     rough, held : values of coordinates, near enough and kept
-    exact : whether targets must be met, but for rounded digits
+    exact : targets must be met, up to rounded digits
     """
     names = tree.coordinates
     lower = [j for j in tree.cut if not isinstance(tree.joint(j), HigherPair)]

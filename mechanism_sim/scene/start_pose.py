@@ -15,7 +15,7 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.check import coordinate_starts
 from mechanism_sim.scene.machine import Machine
 
-_NEAR = 1e-6  # of the size of the machine, of a turn, and of the rates: what rounded digits leave
+_NEAR = 1e-6  # tolerance for rounded digits, as a share of size, turn and rates
 
 
 class Planar(NamedTuple):
@@ -80,7 +80,7 @@ def check_start(machine: Machine, link: str, pose: Planar | None, velocity: Plan
     size, loose = machine.mechanism.size, 0.0
     found_pose, found_velocity = pose_and_velocity(machine, link)
     pace = max(math.hypot(*found_velocity.at) / size, abs(found_velocity.angle), 1.0)
-    if floats := link in machine.mechanism.floating:  # its bearings say where it lies in them
+    if floats := link in machine.mechanism.floating:  # bearings give its pose
         loose = 2.0 * max(spec.radial for spec in machine.plan.clearances.values())
     for what, asked, found, scale, units in (
         ('pose', pose, found_pose, 1.0, ('m', 'rad')),

@@ -1,4 +1,4 @@
-"""Curves through points that a scene gives: in it, or in a file beside it."""
+"""Curves through points given in a scene, or in a file beside it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _VALUES = 'N', 'N m', 'Pa', ''
 def _value(given: object) -> QuantityValue:
     """A value of a table, in any product of common units."""
     if isinstance(given, list | tuple) and len(given) == 2 and isinstance(given[1], str):
-        given = f'{given[0]!r} {given[1]}'.strip()  # as JSON has it
+        given = f'{given[0]!r} {given[1]}'.strip()  # as in JSON
     try:
         return to_si_of(given, _VALUES)
     except ValueError:
@@ -100,7 +100,7 @@ def with_files(
     Parameters
     ----------
     key : path of the content in the scene
-    instead : whether present points are replaced
+    instead : replace present points
     replaced : paths whose values overrides will replace: no file is read for what they hold
     """
     if key[1:] in replaced:

@@ -56,7 +56,7 @@ Way = tuple[float, float]
 
 
 def validate(machine: Machine, duration: float | None = None) -> Machine:
-    """The machine, if it can start where it should and go its way for so long [s].
+    """The machine, if it can start as required and move for a duration [s].
 
     That it can for a turn, or for as long as its scene says, was found when it was built.
     """
@@ -64,7 +64,7 @@ def validate(machine: Machine, duration: float | None = None) -> Machine:
         try:
             if machine.level.dynamic:
                 machine.initial_state()
-        except ZeroDivisionError as error:  # of the mass matrix: what adds to it is rounded off
+        except ZeroDivisionError as error:  # of the mass matrix: its terms are lost by rounding
             masses = {name: link.mass for name, link in machine.scene.links.items() if link.mass}
             least = min(masses, key=lambda name: masses[name], default='')
             which = f"; 'links.{least}.mass' is {masses[least]:g} kg, the least" if least else ''
@@ -108,7 +108,7 @@ def validate_loose(machine: Machine, what: str) -> None:
 
 
 def _turns_steadily(machine: Machine) -> bool:
-    """True if the main drive turns at constant speed, whatever else is driven."""
+    """True if the main drive rotates at constant speed, with any further drives."""
     turns = machine.plan.main not in machine.mechanism.displacements
     return turns and machine.drive.steady and not machine.rigid.torque_driven
 
@@ -141,7 +141,7 @@ def between_limits(machine: Machine) -> DriveRange | None:
 
 
 def limits_text(machine: Machine) -> str:
-    """Between which limits a machine with a single drive moves, for people; or nothing."""
+    """Sentence on the limits of a machine with a single drive; else empty."""
     machine = machine.rigid
     found, main = machine.nominal.drive_range, machine.plan.main
     if not found or not found.limited:
@@ -158,13 +158,13 @@ def limits_text(machine: Machine) -> str:
 
 
 def _check_way(machine: Machine, duration: float) -> None:
-    """Refuse prescribed drives that the machine without clearance cannot follow for so long.
+    """Refuse prescribed drives that the ideal machine cannot follow for a duration.
 
     The way of one drive is tried once from the start to either end, a turn of it at most where
     all is as before after one. Several drives are tried together, at their own pace.
     """
     machine = machine.rigid
-    # every run asks: as long a way as one that was gone is not tried anew
+    # called in every run: a duration already tested is not repeated
     if duration not in machine.drive.ways_tried:
         _try_way(machine, duration)
         machine.drive.ways_tried[duration] = ''
@@ -287,7 +287,7 @@ def _try_loops(machine: Machine, duration: float) -> None:
 
 
 def _stopped(machine: Machine, run: NominalRun, duration: float) -> str:
-    """Reason why a single drive cannot go on for so long, with its limits; else empty."""
+    """Reason why a single drive cannot move for a duration, with its limits; else empty."""
     try:
         _advance(run, duration)
     except InputError as error:
@@ -344,7 +344,7 @@ def _check_stops(machine: Machine, duration: float) -> None:
     inputs = np.concatenate([q, np.zeros((len(frames.outside), q.shape[1]))])  # q has all turns
     distances = [gap.distance(x) for gap, x in zip(gaps, values(inputs)[0], strict=True)]
     room = _ROUNDING * mechanism.size
-    if known:  # play gives way to the drive a little
+    if known:  # clearances allow the drive some more
         room += _PLAYS * sum(spec.radial for spec in plan.clearances.values())
     else:
         for gap, distance in zip(gaps, distances, strict=True):

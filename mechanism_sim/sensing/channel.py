@@ -89,7 +89,7 @@ class Analogue:
 
     Parameters
     ----------
-    source : what the instrument is mounted on
+    source : carrier of the instrument
     instrument : transducer, amplifier, integrators, filter and pulses
     """
 
@@ -153,9 +153,9 @@ class Channel:
 
     Parameters
     ----------
-    source : what it is mounted on
+    source : carrier of the instrument
     instrument : the chain behind it
-    name : of the sensor
+    name : name of the sensor
     drive : index of the coordinate that triggers
     beside : a channel whose analogue part this one shares, so that it is computed once; both are
         fed with the same motions
@@ -293,7 +293,7 @@ class Sampler:
     Parameters
     ----------
     instrument : sampling rate, trigger and jitter
-    name : of the sensor; with the seed of the noise it decides about the jitter
+    name : name of the sensor; with the seed of the noise it determines the jitter
     drive : index of the coordinate that triggers
     """
 

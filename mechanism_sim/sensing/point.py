@@ -41,7 +41,7 @@ class PointOnLink(DirectSource):
     at : position [m] in the link's frame; one number: along its x axis
     axis : 'along' the link's x axis or 'across' it (counterclockwise), or its angle from there
         [rad]
-    gravity : whether gravity is subtracted from the acceleration, as in real instruments
+    gravity : True if gravity is subtracted from the acceleration, as in real instruments
     transverse : transverse sensitivity, to the acceleration 90 degrees on from the axis
     """
 

@@ -266,7 +266,7 @@ class TurnSegments:
         ``first[k]`` on, or ``-2 pi r j / n`` of a shaft that turns backwards
     first : (K,) whole turns before each row; rows that follow each other are neighbours in time
         where they rise by r
-    backwards : whether the shaft rotates clockwise
+    backwards : True if the shaft rotates clockwise
     turns : r
     """
 

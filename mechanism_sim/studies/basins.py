@@ -98,7 +98,7 @@ def basins(
     Parameters
     ----------
     vary : lowest and highest value, and their number, by dotted path; two of them
-    at_impacts, when : as of `bifurcation`
+    at_impacts, when : section, as for `bifurcation`
     """
     check_options(basins, when, *TURNS, words=OF_WORKERS)
     machine = load_scene(scene)

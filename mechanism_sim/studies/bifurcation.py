@@ -193,7 +193,7 @@ def bifurcation(
     show: Show | None = None,
     **when: int,
 ) -> Bifurcation:
-    """Sections of the motion over a parameter that goes up and down.
+    """Sections of the motion over a parameter swept up and down.
 
     >>> import mechanism_sim as ms
     >>> found = ms.bifurcation('four_bar_clearance', {'drive.speed': ('100 rpm', '120 rpm', 2)},
@@ -206,7 +206,7 @@ def bifurcation(
     vary : lowest and highest value, and their number, by dotted path
     of : quantities of the section: of the catalogue, or of `_OF_IMPACTS` with `at_impacts`
     at_impacts : joint at whose impacts the section is taken, instead of once a turn
-    starts : whether each value also has a run from the scene's own start
+    starts : add a run from the scene's own start at each value
     when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
     """
     check_options(bifurcation, when, *TURNS, words=OF_WORKERS)
@@ -218,7 +218,7 @@ def bifurcation(
     path = parameter.path
     content = machine.scene.to_document()
     changes = [{path: value} for value in values]
-    for ends in (changes[0], changes[-1]):  # what cannot be is refused before anything runs
+    for ends in (changes[0], changes[-1]):  # invalid values are refused before any run
         check_scene(machine.name, content, ends)
     shared = paced(plan, len(values), when)
     tasks = [
@@ -294,7 +294,7 @@ def follow(
     branch: str,
     shared: SectionPlan | None = None,
 ) -> Row:
-    """Responses at values of a key in their order, each from where the one before came to.
+    """Responses at values of a key in order, each started from the end of the one before.
 
     Those of the branch `START` begin as their scenes say.
 
@@ -314,7 +314,7 @@ def follow(
             machine = Machine(name, check_scene(name, content, change))
             why = '' if machine.drive.fastest else 'the crank is at rest'
             own = _begin(machine)
-        except InputError as error:  # of a range some values may not be
+        except InputError as error:  # some values of a range may be invalid
             why = str(error)
         if why:
             found.append(_NOTHING | {'note': why, 'value': value, 'branch': branch, 'state': None})
@@ -506,11 +506,11 @@ class _Fall(NamedTuple):
 
     share: float  #: factor of the change in a turn
     left: float  #: remaining change, over the distance within which sections are the same
-    even: bool  #: whether it is monotonic turn by turn, or geometric
+    even: bool  #: True if it is monotonic turn by turn, or geometric
 
 
 class _SectionAccumulator:
-    """Sections of a run that comes in pieces."""
+    """Sections of a run, taken piece by piece."""
 
     def __init__(self, machine: Machine, own: Array, plan: SectionPlan) -> None:
         self._plan, self._turn, self._begin = plan, machine.drive.period, own
@@ -545,7 +545,7 @@ class _SectionAccumulator:
         return np.asarray(np.minimum(left[left <= curve.end * (1.0 + 1e-12)], curve.end))
 
     def found(self, turns: int, settled: int) -> dict[str, Any]:
-        """Period, section and impacts per turn of the last turns of so many, as plain data."""
+        """Period, section and impacts per turn of the last of a number of turns, as plain data."""
         keep, states = settled or self._plan.keep, np.concatenate(self._states)
         p = self._told(states, settled)
         kept = p or keep
@@ -566,7 +566,7 @@ class _SectionAccumulator:
         }
 
     def ends(self, period: int) -> Ends:
-        """The ends of so many turns, the last ones."""
+        """The ends of the last turns, of a given number."""
         ends = np.concatenate(self._ends)
         near = self._near(np.concatenate(self._states))
         return Ends(ends[len(ends) - period :] - self._begin, near, self._turns)
@@ -661,7 +661,7 @@ class _SectionAccumulator:
 
 
 def read_response(row: Mapping[str, Any], width: int) -> Response:
-    """A response of a row; its section has so many quantities."""
+    """A response of a row; its section has a given number of quantities."""
     points = np.array(row['points'], dtype=float).reshape(-1, width)
     returns = np.array(row['returns'], dtype=float)
     returns = returns.reshape(len(returns), -1) if len(returns) else np.empty((0, 0))
@@ -681,7 +681,7 @@ def _numbered(found: Iterable[Response]) -> list[Response]:
         kinds: list[Response] = []
         for response in by_value[value]:
             alike = (k for k, kind in enumerate(kinds) if same(kind, response))
-            none = bool(response.note) or not response.settled  # what it comes to is not known
+            none = bool(response.note) or not response.settled  # its limit is not known
             number = 0 if none else next(alike, len(kinds))
             if number == len(kinds) and not none:
                 kinds.append(response)

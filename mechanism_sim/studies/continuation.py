@@ -66,7 +66,7 @@ class BranchPoint:
 
     Attributes
     ----------
-    value : of the parameter, in its SI unit
+    value : value of the parameter, in its SI unit
     points : (P, K) section, as of a `Response`
     multipliers : Floquet multipliers, the largest first
     impacts : number of impacts in a period
@@ -92,7 +92,7 @@ class BranchEvent(NamedTuple):
     ----------
     kind : ``fold``, ``flip``, ``torus``, ``grazing``, ``lost`` where Newton's method ends, or
         ``cut`` where a branch has all the points that it may have
-    value : of the parameter, in its SI unit
+    value : value of the parameter, in its SI unit
     joint : joint of a grazing impact
     """
 
@@ -103,7 +103,7 @@ class BranchEvent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ResponseBranch:
-    """Responses that repeat after so many turns, and events, in their order along the branch."""
+    """Responses with a period of a number of turns, and events, in order along the branch."""
 
     period: int
     points: tuple[BranchPoint, ...]
@@ -128,7 +128,7 @@ class _Orbit(NamedTuple):
 
 
 class _Shooting:
-    """Fixed points of the map over so many turns at any value, about one angle of the crank.
+    """Fixed points of the map over a number of turns at any value, about a crank angle.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class _Shooting:
         return self._last[1]
 
     def run(self, state: State, value: float, turns: float) -> tuple[list[Piece], State]:
-        """The motion from a state on, and the state after so many turns."""
+        """The motion from a state, and the state after a number of turns."""
         section = self.at(value)
         return list(section.pieces(state, turns)), section.state
 
@@ -371,7 +371,7 @@ def _strikes(orbit: _Orbit) -> dict[str, list[float]]:
 
 
 def _alike(a: _Orbit, b: _Orbit) -> bool:
-    """True if no impact has come or gone between neighbours.
+    """True if no impact has been added or lost between neighbours.
 
     One that comes at a grazing makes a multiplier large; a chatter may begin an impact earlier
     without that.

@@ -83,7 +83,7 @@ class Exceedance:
 
 
 def measures_of(plan: SweepPlan) -> list[str]:
-    """The figures whose effects are wanted: the measures, or those of a row without any."""
+    """The figures for effects: the measures, or those of a row without any."""
     return plan.measure_names or ['impulse', 'impacts', 'I_n']
 
 
@@ -212,7 +212,7 @@ def _chance(levels: Sequence[FactorLevel], y: Array) -> float:
 
 @lru_cache
 def _range(classes: int, free: int) -> float:
-    """Tukey's range of so many means, over their deviation, that 5 % exceed."""
+    """Upper 5 % point of Tukey's range of a number of means, over their deviation."""
     return float(scipy.stats.studentized_range.ppf(0.95, classes, free))
 
 

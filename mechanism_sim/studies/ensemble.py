@@ -28,7 +28,7 @@ class Ensemble(Table):
 
     Attributes
     ----------
-    solutions : of the runs in their order if they are kept, None where one failed
+    solutions : solutions of the runs in order, if kept; None for a failed one
     """
 
     solutions: Sequence[Solution | None] = ()
@@ -64,12 +64,12 @@ def ensemble(
         dictionaries, a data frame or a structured array. Numbers are in SI units, or in that
         behind the name, as ``'drive.speed [rpm]'``; texts have units. The path ``title`` labels
         rows
-    revolutions : of the crank, in every run, or
+    revolutions : revolutions of the crank in every run, or
     duration : [s], or with its unit
     skip : revolutions, or a time, of which no figures are made
     measures : ``NAME = TEXT`` or ``TEXT``
-    columns : figures that are wanted, all that a sweep has by default; others are not computed
-    keep : whether ``solutions`` of the table are the whole runs, polynomials and events; by one
+    columns : requested figures; default: all of a sweep; others are not computed
+    keep : True if ``solutions`` of the table are the whole runs, polynomials and events; by one
         worker only
     how : ``workers``, processes: one by default, or None for one for each core, in a script only
         below ``if __name__ == '__main__':``; ``dask``, address of a scheduler, whose workers run
@@ -121,7 +121,7 @@ def _done(
 
 
 def _wanted(plan: SweepPlan, columns: str | Sequence[str] | None) -> frozenset[str] | None:
-    """Columns to be computed: those asked for, and measures; all if None."""
+    """Columns to be computed: the requested ones and measures; all if None."""
     if columns is None:
         return None
     columns, labels = listed(columns), {*_ALWAYS, *plan.columns}

@@ -23,8 +23,8 @@ from mechanism_sim.studies.runs import OF_WORKERS, FinishedRows, Show, Workers
 from mechanism_sim.studies.trials import DIFFERENCES, EXACT, Trials
 
 _ROUNDING = 1e-12
-_BESIDE = 1e-3  # of the way between samples: there a count is still what it is at one of them
-_JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
+_BESIDE = 1e-3  # share of an interval of samples: a count there equals that at one of them
+_JUMP = 1e-6  # share of the figure's range: a larger residual at a solution is a step
 
 _LOCAL, _GLOBAL = _SEARCHES = 'local', 'global'
 _HOW = {
@@ -44,7 +44,7 @@ class Found:
 
     Attributes
     ----------
-    jump : whether the figure jumps across the wanted value
+    jump : True if the figure jumps across the wanted value
     last : of all values from this one on that give the figure, as far as samples tell
     """
 
@@ -61,10 +61,10 @@ class Finding:
     Attributes
     ----------
     parameter, goal : varied parameter, and its goal
-    unit : of the figure
-    wanted : value of the figure; None if it was to be least, or greatest
+    unit : unit of the figure
+    wanted : target value of the figure; None for the least, or the greatest
     curve : (value, figure) in the order of values, not a number where there is none
-    found : every crossing of the wanted value that the curve shows, or the least
+    found : all crossings of the wanted value by the curve, or the least
     failed : values at which the machine cannot be or run, and why
     evaluations : cycles that were computed
     """
@@ -85,7 +85,7 @@ class Finding:
 
     @property
     def successful(self) -> bool:
-        """True if there is a value that gives what is wanted."""
+        """True if a value gives the wanted figure."""
         return bool(self.found)
 
     @property
@@ -126,7 +126,7 @@ def find(
     minimise : a measure; of several a front of Pareto
     subject_to : ``MEASURE < VALUE``, also with ``<=``, ``>``, ``>=`` or ``=``, or several of them
     workers : processes that compute cycles; by default this process
-    show : called with the numbers of cycles computed, and of those that failed
+    show : callback with the numbers of cycles computed, and of failed ones
     how : ``maximise`` (a measure, or several); ``samples``, values or places that are tried first
         (17); ``search='global'``, differential evolution between all limits; ``evaluations``,
         cycles after which it ends, and so does a front (400); ``file``, a table of all that was

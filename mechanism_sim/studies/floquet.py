@@ -30,11 +30,11 @@ from mechanism_sim.scene.plan import restart
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 from mechanism_sim.studies.periodic import flow_at_end, without_turns
 
-_TURNS = 400  # after which a machine that has not settled is given up
+_TURNS = 400  # largest number for settling
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
 _SETTLED = 1e-10
-_SHORTEST = 1e-3  # of the turn that is begun with, of one that repeats itself
-_STEP = 2e-4  # of differences of third order of positions, over the size of coordinates
+_SHORTEST = 1e-3  # least period, over the initial turn
+_STEP = 2e-4  # step of third-order differences, over the size of coordinates
 _FADED = 1e-7  # multipliers below it are rounding
 
 
@@ -153,7 +153,7 @@ def station(machine: Machine, turning: bool = False) -> Station:
 
     Parameters
     ----------
-    turning : whether to leave out the equilibrium
+    turning : leave out the equilibrium
     """
     if turning and not applies(machine):
         raise InputError(
@@ -254,7 +254,7 @@ def _repeated(machine: Machine, turns: FloquetMap, period: float) -> tuple[Array
         step = np.linalg.lstsq(rows, -np.concatenate([off, [0.0]]))[0]
         x = x + step[:-1]
         period += step[-1]
-        # what speeds up for ever seems to repeat itself where its turns take no time at all
+        # unlimited acceleration resembles a period as turns become infinitely short
         if not (np.isfinite(x).all() and period > _SHORTEST * first):
             break
     raise InputError(

@@ -24,7 +24,7 @@ from mechanism_sim.vibration.shaken_frame import Shaking
 from mechanism_sim.vibration.systems import impedance
 
 _LONGER = 1.95  # periods that are run, to compare the forces in them
-LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
+LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # in periods
 _PLAIN, _LOADED = 32, 512
 """Parts of a period, without and with loads, in each of which forces are looked at 16 times."""
 

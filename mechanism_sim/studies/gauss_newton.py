@@ -44,30 +44,30 @@ LEVEL = 0.95
 
 _FIRST, _LONGER = 1.0 / 128.0, 2.0
 """Share of the signal in the first window, and growth of windows."""
-_LEAST_LONGER = 1.15  # after windows that are refused: each is longer by the root of the last
-_ENOUGH = 0.04  # of a range: limits so close need no further impacts, whose runs are dear
-_STEP = 0.1  # of a standard deviation: step of differences
+_LEAST_LONGER = 1.15  # after refused windows: each growth factor is the root of the last
+_ENOUGH = 0.04  # of a range: limits so close need no further impacts, which are expensive
+_STEP = 0.1  # step of differences, in standard deviations
 _BROAD, _DRAWS, _MORE = 0.3, 16, 2
 """Share of a range above which it is hardly known; number of draws, factor on it if unknown."""
 _FEWEST = 16  # samples of a first window, for each parameter
-_STARTS, _BEGUN = 32, 8  # values that are tried, and from how many of them steps begin
-_GROWN = 4  # how many of these are followed into longer windows
-_TRIED = 3  # places around what a window says from which steps begin in the next
+_STARTS, _BEGUN = 32, 8  # number of trial values, and of those with iterations
+_GROWN = 4  # number of these continued into longer windows
+_TRIED = 3  # starting points in the next window around the estimate of the last
 _RENEWED, _FALLS = 4, 0.9
 """Most refinements of a first fit, while its residuals fall at least to this share."""
-_BLOCKS = 32  # of the residuals of a window
-_SIGMAS = 6.0  # by which a mean square of noise is hardly ever off
+_BLOCKS = 32  # number of blocks of a window's residuals
+_SIGMAS = 6.0  # tolerance of mean squares of noise, in standard deviations
 _OUTLIER = 8.0  # root mean squares that no sample of noise reaches
-_LITTLE = 1e-3  # of a signal: residuals so small need not be alike
+_LITTLE = 1e-3  # share of a signal: smaller residuals need not be white
 _RANGE = 12.0  # information of a uniform distribution of width 1
-_EDGE = 1e-9  # of a range, beyond its ends: bounds have a width
-_STEPS = 10  # at most, in a window
+_EDGE = 1e-9  # margin of bounds, as a share of the range
+_STEPS = 10  # largest number in a window
 _ROUGH, _SPARE = 0.5, 0.01
 """Excess of a sum of squares over the least, by the variance: in between, at the end."""
 _GOOD, _LIKE = 0.1, 0.8
 """Shares of the predicted fall of squares: of an accepted step; for valid derivatives."""
 
-_EXACT = 1e-9  # of a signal: what is left of one without noise that runs give exactly
+_EXACT = 1e-9  # share of a signal: residual of an exact fit without noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,8 +334,8 @@ class LeastSquares:
         ----------
         steps : (k,) steps of differences where there are no derivatives
         known : minima of this window: a point within the limits of one counts as that one
-        fresh : whether the derivatives are those of the starting point
-        settle : whether to refine as far as these derivatives allow
+        fresh : True if the derivatives are those of the starting point
+        settle : refine as far as these derivatives allow
         """
 
         def weighted(parts: Sequence[Array]) -> Array:
@@ -380,7 +380,7 @@ class LeastSquares:
     ) -> tuple[list[Array], list[Array]]:
         """Residuals and their derivatives by the place; differences where a run has none."""
         paths = [p.path for p in self.parameters]
-        # of the value by the place
+        # derivative of the value by the position
         scales = [
             w * x if p.logarithmic else w
             for p, w, x in zip(self.parameters, self.width, self.values(place), strict=True)
@@ -439,7 +439,7 @@ class LeastSquares:
     def _run(
         self, measured: Measured, given: dict[str, float], end: float, paths: Sequence[str]
     ) -> Piece | None:
-        """A run with other values; None if it fails, unless its derivatives are asked for."""
+        """A run with other values; None if it fails without a request for derivatives."""
         self.runs += 1
         name, content = measured.machine.name, measured.machine.scene.to_document()
         try:

@@ -34,7 +34,7 @@ class Goal(NamedTuple):
     ----------
     name : the measure as it is written, or its name in the scene
     kind : least, greatest, or how it compares with `wanted`: ``=``, ``<``, ``>``
-    wanted : a value, or its limit
+    wanted : target value, or limit
     """
 
     name: str
@@ -48,7 +48,7 @@ class Goal(NamedTuple):
 
     @property
     def sign(self) -> float:
-        """Factor of what is to be small: the measure, or how far it is beyond its limit."""
+        """Factor of the minimised quantity: the measure, or its excess over the limit."""
         return -1.0 if self.kind in (GREATEST, _ABOVE) else 1.0
 
     @property
@@ -124,7 +124,7 @@ class CycleTrial:
 
     Attributes
     ----------
-    content : of the scene, as a file gives it
+    content : keys and values of the scene, as in a file
     how : arguments of `cycle`
     """
 

@@ -39,14 +39,14 @@ from mechanism_sim.studies.response import (
 )
 from mechanism_sim.vibration.periodic_forces import FourierSeries, SteadyVibration, known_harmonics
 
-_TURNS = 1000  # of the first drive, in which others are looked for that make whole ones
-_EXACT = 1e-12  # of a ratio of speeds: what it may be off a fraction
-_STEPS = 128  # in a turn of the fastest drive, in which loops are followed
+_TURNS = 1000  # largest number of turns of the first drive in a common period
+_EXACT = 1e-12  # tolerance of a ratio of speeds as a fraction
+_STEPS = 128  # steps per turn of the fastest drive for closing loops
 _PLAIN = 32  # parts of a turn, in each of which forces are looked at 16 times
-_SAMPLES = np.linspace(0.0, 1.0, 5)  # of a part in which a formula is enclosed
-_BEYOND = 1.1  # times the range of these: how far what moves may go in it
+_SAMPLES = np.linspace(0.0, 1.0, 5)  # sampled positions in a part with an enclosed formula
+_BEYOND = 1.1  # assumed range of coordinates in a part, over that of samples
 _HALVINGS, _MOST = 40, 1 << 15
-_BISECTIONS = 50  # in which an edge is located to rounding
+_BISECTIONS = 50  # number of bisections that locate an edge to rounding
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Harmonics:
     ----------
     period : [s]
     series : series by quantity, the mean counted from the equilibrium at rest
-    units : of the quantities
+    units : units of the quantities
     """
 
     period: float
@@ -80,7 +80,7 @@ def harmonics(
     ----------
     quantities : ``position.COORDINATE``, ``velocity.`` or ``acceleration.`` of coordinates that
         are not driven, of which this is the vibration alone; positions of all if empty
-    count : of harmonics
+    count : number of harmonics
     period : [s]; a turn of the first drive that turns if not given
     """
     if count < 1:
@@ -196,7 +196,7 @@ def _harmonics(
 
     Parameters
     ----------
-    rates : of the driven coordinates, in the order of `drives`
+    rates : rates of the driven coordinates, in the order of `drives`
     more : harmonics of the forces, to tell what is left out; as many as that takes if not given
     """
     driven = [one.derivatives.coordinates.index(c) for c in drives]
@@ -271,7 +271,7 @@ class _Excitation:
     Parameters
     ----------
     driven : indices of the coordinates that turn at `rates`
-    length : of the period [s]
+    length : length of the period [s]
     """
 
     def __init__(self, one: LinearMachine, driven: list[int], rates: Array, length: float) -> None:

@@ -42,10 +42,10 @@ from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, h
 ROUNDS = (128, 48, 48, 48)
 """Simulations of each round; those of earlier rounds that lie in the box serve again."""
 METHODS = _GAUSS_NEWTON, _REGRESSION = 'gauss-newton', 'regression'
-_UNLIKE = 0.01  # of the simulations
-_KEPT = 0.99  # of the probability, when the box is drawn closer
-_MARGIN = 1.6  # by which it is wider than that
-_NEAREST = 40  # simulations, at least, whose errors say so
+_UNLIKE = 0.01  # share of the simulations
+_KEPT = 0.99  # share of the probability inside a reduced box
+_MARGIN = 1.6  # width of the box over that of this share
+_NEAREST = 40  # least number of simulations for an error estimate
 _MOST_FAILED = 0.25
 _BESIDE = 0.5  # [rad] around whole turns
 _LOST = 0.05  # likeness below which a box seems not to hold the truth any more
@@ -81,9 +81,9 @@ class Residual:
 
     Attributes
     ----------
-    name, unit : of the signal
-    rms : in its unit
-    share : of the signal's own root mean square about its mean, in the same window
+    name, unit : name and unit of the signal
+    rms : root mean square, in `unit`
+    share : `rms` over that of the signal about its mean, in the same window
     offset : mean of the rest
     """
 
@@ -175,8 +175,8 @@ def identify(
     Parameters
     ----------
     method : one of `METHODS`; without, Gauss-Newton if runs follow the signals, else regression
-    seed : of the random numbers; the same seed gives the same values
-    rounds, workers : of the regression
+    seed : seed of the random numbers; equal seeds give equal values
+    rounds, workers : simulations by round, and workers, of the regression
     """
     sensors = [m for m in measurements if isinstance(m, SensorRecord)]
     if method == _REGRESSION and len(sensors) < len(measurements):
@@ -195,7 +195,7 @@ def identify(
             reason = f'no run follows the signal far enough, but {found.window:.3g} s'
             try:
                 _check_features(sensors)
-            except InputError as error:  # what is found is all that can be
+            except InputError as error:  # the present estimate is the best possible
                 return replace(found, reason=f'{found.reason}; no regression: {error}')
     try:
         _check_features(sensors)
@@ -227,7 +227,7 @@ def _by_least_squares(
     estimates = []
     for p in parameters:
         if p in widths:
-            half = 0.5 * widths[p] if widths[p] < 1.0 else 1.0  # what is not told keeps its range
+            half = 0.5 * widths[p] if widths[p] < 1.0 else 1.0  # if undetermined, all
             ends = places[p] - half, places[p], places[p] + half
             shares = np.clip(ends, 0.0, 1.0).tolist()
             low, value, high = map(p.at, shares)
@@ -294,11 +294,11 @@ class Identification:
 
     Parameters
     ----------
-    measurements : of one machine under one or several drives, or by several sensors
-    parameters : to be found
-    seed : of places and noise; the same seed gives the same numbers
+    measurements : records of a machine under one or several drives, or by several sensors
+    parameters : unknown parameters
+    seed : seed of sample points and noise; equal seeds give equal numbers
     workers : processes that simulate; by default this process
-    show : called with the numbers of simulations finished and failed
+    show : callback with the numbers of simulations finished and failed
     """
 
     def __init__(
@@ -338,7 +338,7 @@ class Identification:
         return Design(places[kept], np.array([mine[k]['features'] for k in kept]))
 
     def find(self, rounds: Sequence[int] = ROUNDS) -> Result:
-        """Estimates from so many simulations in each round."""
+        """Estimates from given numbers of simulations in each round."""
         observed = np.concatenate([m.features for m in self.measurements])
         low, high = self.low, self.high
         near = everything = self.explore(low, high, rounds[0])

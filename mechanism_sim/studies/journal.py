@@ -37,7 +37,7 @@ class Journal(FinishedRows):
     restart : forget what is there
     study : name of the study in messages
     size : number of its runs, where it is known before
-    keys : of all its runs, if it goes on from a journal of some of them, whatever their plan
+    keys : keys of all its runs, if it continues from a journal of some of them, of any plan
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Journal(FinishedRows):
         )
 
     def add(self, finished: RunResult) -> None:
-        """Keep a finished run, whatever happens from now on."""
+        """Store a finished run permanently."""
         self._append({'key': finished.key, 'cpu': finished.cpu, 'row': finished.row})
         super().add(finished)
 

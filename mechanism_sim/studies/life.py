@@ -61,16 +61,16 @@ PLACES = 180
 """Number of places of a surface, evenly from angle 0 on, whose depths are followed."""
 OWN = {'clearance': 'm', 'depth': 'm'}
 """Figures of worn bearings that a condition may name, the largest of all or of one joint."""
-_ROUNDEST = 0.3  # of the clearance: least radius of what the pin's centre runs along, in runs
-_NOISE, _SLIGHT = 1.5, 0.01  # of standard errors, of depths: what smoothing may change
-_SIZES = 1.0, 820.0, 3e5, 0.1, 10.0, 0.01  # of the rows that a solver is tried with, one by one
-_GROWTH = 0.3  # of the clearance, by which it grows in a step at most
-_FIRST = 0.1  # of the clearance, by which it grows in the first step
-_AHEAD = 1.01  # of the cycles that seem left, in the last step
-_SHORTEST = 2e-4  # of the cycles so far, in the last step
-_NEAR = 0.25  # of what a clearance may be off, within which the limit is reached
+_ROUNDEST = 0.3  # least radius of the pin centre's boundary in runs, over the clearance
+_NOISE, _SLIGHT = 1.5, 0.01  # limits of smoothing, in standard errors and as a share of depths
+_SIZES = 1.0, 820.0, 3e5, 0.1, 10.0, 0.01  # row scales for successive attempts of the solver
+_GROWTH = 0.3  # largest growth of the clearance in a step, as a share
+_FIRST = 0.1  # growth of the clearance in the first step, as a share
+_AHEAD = 1.01  # last step, over the estimated remaining cycles
+_SHORTEST = 2e-4  # least last step, over the cycles so far
+_NEAR = 0.25  # tolerance of the limit, over the uncertainty of a clearance
 _MOST_STEPS = 500
-_LATE, _TRIES = 0.02, 4  # of a step, by which the last may be late; so many are tried
+_LATE, _TRIES = 0.02, 4  # share of a step by which the last may be late; number of attempts
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class LifePlan:
     Attributes
     ----------
     cycles : largest number of turns of the drive
-    tolerance : of what the clearance grows by in a step, that a step may be off
+    tolerance : allowed error of a step, as a share of the clearance's growth in it
     revolutions, skip : turns of a run that count, and those before them until it has settled
     """
 
@@ -102,7 +102,7 @@ class LifeStage:
     error : (J,) of the clearance, by the steps and the places [m]
     scatter : (J,) of the clearance, half of a 95 % interval, by the runs [m]
     impacts : (J,) in a cycle
-    figures : of the run at this stage, by name
+    figures : figures of the run at this stage, by name
     """
 
     cycles: float
@@ -121,10 +121,10 @@ class Life:
     Attributes
     ----------
     machine : machine as new
-    cycles : of the life; nan if it does not end within those of the plan
-    low, high : of an interval for it
-    stages : from the new machine on, the last at the end
-    units : of the figures of stages
+    cycles : number of cycles of the life; nan if longer than the plan
+    low, high : limits of its interval
+    stages : stages from the new machine to the end of life
+    units : units of the stages' figures
     runs : number of runs
     note : why it could not be followed to the end, or why nothing wears
     """
@@ -212,7 +212,7 @@ def life(
     Parameters
     ----------
     until : ``clearance > 0.5 mm``, ``depth.JOINT > 20 um``, or a measure of the run and its limit
-    cycles : after which it ends in any case
+    cycles : largest number of cycles
     measures : further figures of every stage
     table : a table that will be written; beside it the runs are kept, from which it goes on
     restart : forget those
@@ -352,7 +352,7 @@ def wear_in(
     period = machine.drive.period
     first = plan.skip + plan.revolutions - count * size
     times = period * (first + size * np.arange(count + 1.0))
-    times[-1] *= 1.0 + 1e-12  # what happens at the very end counts
+    times[-1] *= 1.0 + 1e-12  # includes events at the very end
     row: Row = {'depths': {}, 'scatter': {}, 'impacts': []}
     for joint in joints:
         spec = machine.plan.clearances[joint]
@@ -485,7 +485,7 @@ def _roomy(
 def _moved(
     runs: _Runs, depths: dict[str, Array], rates: dict[str, Array], cycles: float
 ) -> dict[str, Array]:
-    """Depths after so many cycles at these rates."""
+    """Depths after a number of cycles at these rates."""
     return _roomy(runs.worn, {j: own + cycles * rates[j] for j, own in depths.items()})
 
 
@@ -566,7 +566,7 @@ class _End:
 
 
 class _Step(NamedTuple):
-    """An accepted step: what came of it, and the cycles of the next."""
+    """An accepted step: its result, and the cycles of the next."""
 
     stage: LifeStage
     rates: _Rates
@@ -623,7 +623,7 @@ def _follow(runs: _Runs, until: Goal | None) -> tuple[float, float, float, tuple
 
 
 def _step(runs: _Runs, now: LifeStage, rates: _Rates, step: float) -> _Step:
-    """A step of so many cycles, or of fewer if these change the wear too much."""
+    """A step of a number of cycles, or of fewer if these change the wear too much."""
     while True:
         whole = _moved(runs, now.depths, rates.depths, step)
         half = _moved(runs, now.depths, rates.depths, 0.5 * step)

@@ -19,7 +19,7 @@ from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene import Machine
 
-_FACTOR = 1.15  # between the speeds that are tried
+_FACTOR = 1.15  # ratio of successive trial speeds
 _RANGE = 100.0  # times slower and faster than the scene's
 
 
@@ -30,9 +30,9 @@ class LiftOff:
     Attributes
     ----------
     joint : name of the joint
-    least_force : over a turn at the speed of the scene [N], negative where it would have to pull
+    least_force : least force over a turn at the scene's speed [N]; negative if tensile
     least_force_at : angle of the drive there [rad]
-    lift_off_speed : of the drive from which on contact is lost [rad/s]; None: at no speed that was
+    lift_off_speed : least drive speed with loss of contact [rad/s]; None: no loss at any speed
         tried
     lift_off_at : angle of the drive where it is lost first [rad]
     """

@@ -37,11 +37,11 @@ class LyapunovExponents:
 
     Attributes
     ----------
-    revolutions, skipped : in the mean, and before it
-    period : of the drive [s]
+    revolutions, skipped : number of revolutions averaged, and of those before
+    period : period of the drive [s]
     values : [1/s]; minus infinity where a turn leaves a direction nothing at all, because a
         contact is closed, or less than roundings tell
-    half_widths : of their 95 % intervals [1/s]
+    half_widths : half widths of their 95 % intervals [1/s]
     """
 
     revolutions: int
@@ -84,9 +84,9 @@ def lyapunov(
     Parameters
     ----------
     scene : all that `load_scene` takes
-    revolutions, skip : that are averaged over; until the motion has settled, and ten more
-    count : of exponents
-    show : called with the time [s] of the run so far, and 0
+    revolutions, skip : number averaged, and skipped before: those for settling, and ten more
+    count : number of exponents
+    show : callback with the time [s] of the run so far, and 0
 
     Raises
     ------
@@ -135,7 +135,7 @@ class Horizon:
 
     Attributes
     ----------
-    digits : that steps have
+    digits : digits of the steps' accuracy
     left : that hold at the end of the run, or where it is given up; of the range of its motion
     time : [s] from which on no digit holds; infinite if some hold to the end
     limit : limit of the derivatives, if they end before

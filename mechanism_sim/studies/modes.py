@@ -41,8 +41,8 @@ _REAL = 1e-7
 #: of a speed: what a frequency may be off the rotation's at a crossing, and not at a jump
 _MEETS = 1e-9
 _NONE = 1e300  # [Hz] of a mode that is not there
-_HALVINGS = 12  # of an interval in which modes begin or cease to oscillate
-_STEADY = 1e-6  # of a frequency: by how much it may change over a turn, and is as good as steady
+_HALVINGS = 12  # of an interval with a change of oscillating modes
+_STEADY = 1e-6  # share of a frequency: smaller changes over a turn are steady
 #: 1 - cos^2 of the angle between two shapes up to which they are one
 _ONE_SHAPE = 1e-12
 
@@ -67,7 +67,7 @@ class Roots(tuple[complex, ...]):
 
     @property
     def oscillates(self) -> bool:
-        """True if the motion goes to and fro."""
+        """True if the motion oscillates."""
         return bool(self[0].imag)
 
     @property
@@ -104,7 +104,7 @@ class NormalMode:
 
     Attributes
     ----------
-    roots : of its growth or decay, from which all figures follow
+    roots : roots of its growth or decay, from which all figures follow
     shape : complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1;
         angles are compared with displacements over the size of the mechanism
     whirl : how round the axes of rotors go, from -1, a circle against their rotation, over 0, to
@@ -117,7 +117,7 @@ class NormalMode:
 
     @property
     def oscillates(self) -> bool:
-        """True if it goes to and fro."""
+        """True if it oscillates."""
         return self.roots.oscillates
 
     @property
@@ -152,7 +152,7 @@ class CriticalSpeed(NamedTuple):
 class Station(NamedTuple):
     """The modes at one place of the drive and one speed."""
 
-    position: dict[str, float]  #: of all coordinates, where they are linearised [rad, m]
+    position: dict[str, float]  #: coordinates of the point of linearisation [rad, m]
     speed: float  #: speed of the drive [rad/s, m/s]
     modes: list[NormalMode]
     faded: int = 0  #: number of further modes that decay within a turn, too fast to resolve
@@ -169,7 +169,7 @@ class LinearMachine:
 
     Attributes
     ----------
-    derivatives : of its equations of motion
+    derivatives : derivatives of its equations of motion
     at : the point
     linear : the equations of all coordinates there
     B : (n, f) how all coordinates move with the f independent ones
@@ -335,7 +335,7 @@ def derivatives(
     Parameters
     ----------
     held : coordinates that a torque moves, but whose motion is given here
-    rigid : whether preloaded belts and teeth are ideal, too, so that coordinates follow drives
+    rigid : True if preloaded belts and teeth are ideal, too, so that coordinates follow drives
     """
     plan, ideal = machine.plan, machine.plan.ideal
     if not plan.weighed:
@@ -394,9 +394,9 @@ def linearised(
     ----------
     start : (n,) near which the equilibrium is sought, driven coordinates where they stay; the
         start of the scene if not given
-    speed : of the main drive [rad/s, m/s]; links that it carries turn with it
+    speed : speed of the main drive [rad/s, m/s]; links that it carries rotate with it
     known : derivatives of the same machine
-    turning : whether to look for the steady rotation in which a torque keeps it, not for rest
+    turning : find the steady rotation under a torque instead of rest
     """
     found = known or derivatives(machine, excitation)
     q = machine.assembly.q if start is None else start
@@ -490,7 +490,7 @@ def about(machine: Machine, turning: bool = False) -> Station:
 
     Parameters
     ----------
-    turning : whether to look for the rotation only
+    turning : find the rotation only
     """
     found = [mode for name in machine.scene.oscillators for mode in _frame_modes(machine, name)]
     if found and not machine.torque_driven:
@@ -565,7 +565,7 @@ def warn_over_turn(one: LinearMachine, speed: float) -> bool:
     """
     try:
         own = [mode.frequency for mode in one.modes() if mode.oscillates]
-    except InputError:  # what has no mass has responses, but no modes
+    except InputError:  # massless machines have responses, but no modes
         return False
     change = 0.0
     for turn in (-2.0 * np.pi / 3.0, 2.0 * np.pi / 3.0) if speed else ():

@@ -45,8 +45,8 @@ class Held(NamedTuple):
     Attributes
     ----------
     text : text as written
-    value, limit : of its measure, in `unit`
-    holds, active : whether the limit holds, and whether it is reached
+    value, limit : value and limit of its measure, in `unit`
+    holds, active : True if the limit holds, and if it is reached
     """
 
     text: str
@@ -72,7 +72,7 @@ class Optimum:
     ----------
     values : values by path
     measures, units, wanted : by name of the measure; wanted is None if it was to be least
-    constraints : at these values
+    constraints : constraints at these values
     reached : True if all constraints hold and all measures are as wanted, or the least that were
         found between the places
     evaluations : cycles that were computed, or taken from a journal
@@ -101,7 +101,7 @@ class Optimum:
 
     @property
     def successful(self) -> bool:
-        """True if the values give what is wanted, and constraints hold."""
+        """True if all wanted values are reached, and constraints hold."""
         wanted = any(x is not None for x in self.wanted.values())
         return all(c.holds for c in self.constraints) and (self.reached or not wanted)
 
@@ -122,7 +122,7 @@ class Budget(NamedTuple):
     Attributes
     ----------
     samples : places that are tried first; at least designs of a generation of a front
-    everywhere : whether differential evolution looks between all limits
+    everywhere : search between all limits by differential evolution
     evaluations : cycles after which evolutions end
     """
 
@@ -196,7 +196,7 @@ class _Search:
         def merit(places: Array) -> Array:
             figures = self.at(places.T)
             cost, excess = self.aims.costs(figures)[:, 0], self.aims.excess(figures)
-            return np.where(excess > 0.0, 1e3 + excess, cost)  # of Deb: any that holds is better
+            return np.where(excess > 0.0, 1e3 + excess, cost)  # Deb: feasible is better
 
         result = scipy.optimize.differential_evolution(
             merit, [(0.0, 1.0)] * first.shape[1], init=first, maxiter=generations, rng=1,

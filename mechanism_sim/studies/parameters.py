@@ -25,7 +25,7 @@ Limits = Sequence[Any] | Mapping[str, Sequence[Any]]
 """Lowest and highest value, or a list of other than two, or ``{'values': [...]}``."""
 
 _LIMITS = {'restitution': (0.1, 0.9), 'friction': (0.02, 0.4)}
-_FACTORS = {'radial': (0.4, 2.5), NOISE: (1.0 / 3.0, 3.0)}  # times what the scene says
+_FACTORS = {'radial': (0.4, 2.5), NOISE: (1.0 / 3.0, 3.0)}  # times the value of the scene
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def read_limits(
 
     Parameters
     ----------
-    lists : whether it may also be ``NAME=VALUE,VALUE,...``
+    lists : True if it may also be ``NAME=VALUE,VALUE,...``
     """
     found: dict[str, Limits] = {}
     pairs = vary.items() if isinstance(vary, Mapping) else ()

@@ -37,8 +37,8 @@ class PeriodicResponse:
     ----------
     period : revolutions after which it repeats
     residual : largest change of an angle [rad], or of a rate over the crank's speed, in a period
-    state : at the start angle of the crank
-    impacts : in a period
+    state : state at the start angle of the crank
+    impacts : number of impacts in a period
     impulse : sum of their normal impulses [N s]
     multipliers : Floquet multipliers, by which a small change of the state grows in a period
     spread : largest change of a multiplier from this period to the next: their error
@@ -261,7 +261,7 @@ def find_periodic(
     ----------
     longest : period that is looked for [revolutions]
     transient : revolutions to wait first
-    progress : called with the present action
+    progress : callback with the present action
 
     Returns
     -------

@@ -70,7 +70,7 @@ class Extent:
 
     Attributes
     ----------
-    skip : what no figure is made of, in the same measure
+    skip : initial part without figures, in the same measure
     """
 
     revolutions: int | None
@@ -134,8 +134,8 @@ class SweepPlan:
     columns : paths that are swept, in the order of the file
     units : SI units of swept values by path, where they are known
     own : figures of a row that depend on the scene: of its joints and drives, and measures
-    measures : as ``NAME = TEXT``
-    factors, design : of `vary`
+    measures : measures as ``NAME = TEXT``
+    factors, design : factors and design of `vary`
     limits : limits by measure
     """
 
@@ -238,8 +238,8 @@ def read_plan(
     Parameters
     ----------
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
-    show : called with how far it is
-    scene : of all runs, if the sweep has none
+    show : callback with the progress
+    scene : scene of all runs, if the sweep has none
     called : name of one that is not in a file
     """
     path, content = _content(source, called)
@@ -549,7 +549,7 @@ def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
 def _ordered(
     scene: Scene, columns: Iterable[str], others: Mapping[str, float | str | None]
 ) -> dict[str, float | str | bool | None]:
-    """Values in the columns of a run, those beside the scene's own among them."""
+    """Values in the columns of a run, including those that differ from the scene."""
     return {c: others[c] if c in others else _value(scene, c) for c in columns}
 
 

@@ -39,7 +39,7 @@ class HarmonicSource:
     Attributes
     ----------
     name : requested name
-    unit : of its amplitude
+    unit : unit of its amplitude
     excitation : a force or a moment, or
     base : a driven coordinate that moves about its place, or
     frame : a frame on springs and the load (3,) on it
@@ -61,7 +61,7 @@ class FrequencyResponse:
     source : source of the excitation
     frequency : (N,) [Hz]
     amplitudes : (N,) by quantity; the angle is how far it leads the source
-    units : of the quantities
+    units : units of the quantities
     """
 
     source: HarmonicSource
@@ -141,7 +141,7 @@ def response(
     quantities : ``position.COORDINATE``, ``velocity.``, ``acceleration.``, ``reaction.JOINT.x``,
         ``reaction.JOINT.y``; the first of every free coordinate if empty
     frequency : (N,) [Hz]
-    speed : of the main drive, which turns steadily [rad/s]
+    speed : constant speed of the main drive [rad/s]
     """
     if not (np.isfinite(frequency).all() and (frequency >= 0.0).all()):
         raise InputError('frequencies must be finite and not negative')

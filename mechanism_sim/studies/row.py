@@ -40,9 +40,9 @@ class SweepTask:
 
     Attributes
     ----------
-    wanted : columns of the row; what takes long and is not among them is not computed
+    wanted : columns of the row; expensive ones not among them are not computed
     refused : why there is no run, as `plan.Run` has it
-    keep : whether the row has its whole run as `SOLUTION`
+    keep : include the whole run as `SOLUTION`
     """
 
     key: str
@@ -104,7 +104,7 @@ class _Figures:
         self._whole = bool(task.extent.revolutions)
         self._main = machine.physics.coordinates.index(machine.plan.main)
         self._slides = machine.plan.main in machine.mechanism.displacements
-        self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
+        self._crank = np.full(len(self.edges), math.nan)  # crank angle at the edges [rad]
         self._accumulator = StatisticsAccumulator(self.edges) if task.wants(*_BY_TURNS) else None
         self._digest = MotionDigest() if task.wants('digest') else None
         loads = task.wants('largest_force', 'largest_torque')

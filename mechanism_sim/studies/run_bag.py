@@ -34,7 +34,7 @@ class RunBag:
 
     Parameters
     ----------
-    end : of the run [s]
+    end : end of the run [s]
 
     Raises
     ------

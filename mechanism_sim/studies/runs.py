@@ -1,4 +1,4 @@
-"""Many runs: tasks in, rows out, whoever computes them.
+"""Many runs: tasks in, rows out, with any workers.
 
 A task holds all that its row follows from, and can be sent to another process. So rows are the
 same in this process, in any number of others and on a cluster, in whatever order they come.
@@ -107,10 +107,10 @@ class FinishedRows:
 
     Attributes
     ----------
-    rows : by key
-    failed : how many of them are of runs that failed
-    errors : of those among them that were added, by key
-    cpu : what those cost that were added [s]
+    rows : rows by key
+    failed : number of rows of failed runs
+    errors : errors of added failed rows, by key
+    cpu : CPU time of added rows [s]
     """
 
     def __init__(self) -> None:
@@ -156,10 +156,10 @@ class Workers:
 
     Parameters
     ----------
-    count : of them, one for each core by default; a single one is this process
+    count : number of workers; default: one for each core; a single one is this process
     dask : address of a scheduler, whose workers do it instead
-    apart : whether a single one is a process of its own, whose end is not that of this one
-    lost : what to do if a process dies
+    apart : True if a single one is a process of its own, whose end is not that of this one
+    lost : action if a process dies
     """
 
     def __init__(
@@ -249,5 +249,5 @@ class Workers:
         return self
 
     def __exit__(self, *failure: Any) -> None:
-        self._submit = None  # who enters the block again starts others
+        self._submit = None  # entering the block again starts others
         self._started.__exit__(*failure)

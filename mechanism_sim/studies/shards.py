@@ -1,4 +1,4 @@
-"""The windows of one run as a Parquet file, written as the run goes on."""
+"""The windows of a run as a Parquet file, written during the run."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from mechanism_sim.studies.windows import Cutter, SampleWindow
 from mechanism_sim.tables import field_type
 
 _SIGNAL = 'signal'
-_ROWS = 256  # of a row group
+_ROWS = 256  # rows of a row group
 _DIGITAL = {'instrument', 'sample_rate', 'trigger', 'adc', 'noise'}
 """Keys of a sensor that its analogue part does not depend on, or that follow from others."""
 
@@ -43,8 +43,8 @@ class Shard:
     Attributes
     ----------
     scene : whose sensors measure the motion; scenes that differ in nothing else share a motion
-    labels : what is the same in every row
-    schema : of the file
+    labels : constant columns
+    schema : schema of the file
     """
 
     file: Path
@@ -55,7 +55,7 @@ class Shard:
 
     @property
     def count(self) -> int:
-        """Number of windows written so far."""
+        """Number of windows written until now."""
         return int(pq.read_metadata(self.file).num_rows) if self.file.exists() else 0
 
     def overloads(self) -> dict[str, int]:
@@ -126,7 +126,7 @@ class ShardWriter:
 
     Parameters
     ----------
-    name : of the scene
+    name : name of the scene
     since : [s] windows that begin earlier are left out
     channels : those of other shards of this motion, which may serve this one too; it adds its own
     """
@@ -140,10 +140,10 @@ class ShardWriter:
         ]
         self._rows: list[dict[str, Any]] = []
         self._signals: list[np.ndarray[Any, Any]] = []
-        self._curves: list[PiecewisePolynomial] = []  # of motion in which windows may begin
+        self._curves: list[PiecewisePolynomial] = []  # motion in which windows may begin
         self._part = shard.file.with_name(f'.{shard.file.name}.part')
         with file_errors(shard.file):
-            self._part.unlink(missing_ok=True)  # of a run that was ended
+            self._part.unlink(missing_ok=True)  # left by an interrupted run
             self._stream = self._part.open('xb')
             self._parquet = pq.ParquetWriter(
                 self._stream,
@@ -255,7 +255,7 @@ class _ShardSensor:
 
     @property
     def done(self) -> bool:
-        """True if there are as many windows as are wanted."""
+        """True if the requested number of windows is complete."""
         return self.count >= self._most
 
     def windows(self, final: bool) -> Iterator[SampleWindow]:

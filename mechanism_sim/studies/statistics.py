@@ -115,7 +115,7 @@ class StatisticsAccumulator:
 
         Parameters
         ----------
-        turned : revolutions of the crank in each of these; one if not given
+        turned : revolutions of the crank in each of these; default: one
         """
         kept, width = self.table[skip:].T, np.diff(self.edges)[skip:]
         turns = np.ones(len(width)) if turned is None else turned

@@ -1,4 +1,4 @@
-"""A whole sweep: what is missing is computed, what is computed is kept, the table comes last."""
+"""A whole sweep: missing rows are computed and stored, then the table is written."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def sweep(
     source : a sweep of the package, the path of a file, or its keys and values as a dictionary
     file : table to write, with a journal from which an interrupted sweep goes on; none if not
         given
-    scene : of all runs, if `source` has none: all that `load_scene` takes
+    scene : scene of all runs, if `source` has none, in any form for `load_scene`
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
     workers : processes, a single one this process; None for one for each core, in a script only
         below ``if __name__ == '__main__':``, as two and more
@@ -129,7 +129,7 @@ def run_plan(
     with Journal(table, plan.fingerprint, restart, size=plan.size, keys=keys) as journal:
         every = _tasks(plan, _bag_folder(plan, table, bags), into)
         tasks = [task for task in every if not _is_complete(task, journal.rows.get(task.key))]
-        for task in tasks:  # one without its windows is made anew
+        for task in tasks:  # without its windows a run is repeated
             journal.rows.pop(task.key, None)
         with workers:
             workers.do(tasks, journal, show)

@@ -81,7 +81,7 @@ class TrainSearch:
     tolerance : largest relative error of the ratio
     teeth : smallest and largest number of teeth of a gear; 18 are free of undercut ([V] 5.7)
     centre_distance : C [m] of every stage, C = m (N2 + N3)/2 to a micrometre ([V] eq. 5.59)
-    modules : that may be used with it [m]
+    modules : possible modules [m]
     """
 
     ratio: float | Fraction

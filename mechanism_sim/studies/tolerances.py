@@ -27,7 +27,7 @@ from mechanism_sim.studies.runs import DONE, FinishedRows, Row, Show, Workers
 
 BENT = 0.1
 """Relative deviation of a measure from a straight line beyond which first order fails."""
-_TAIL = 0.00135  # of a normal distribution beyond three deviations
+_TAIL = 0.00135  # share of a normal distribution beyond three deviations
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Contribution:
     Attributes
     ----------
     slope : derivative of the measure by the factor
-    deviation : of the measure by this factor alone
-    share : of its variance
+    deviation : standard deviation of the measure by this factor alone
+    share : share of the measure's variance
     low, high : changes of the measure in full runs with the factor at its lower and upper end
     bent : largest departure of both from the slope
     """
@@ -58,7 +58,7 @@ class ToleranceStack:
 
     Attributes
     ----------
-    nominal : with all factors at their means
+    nominal : value with all factors at their means
     deviation : standard deviation to first order, of independent factors
     worst : lowest and highest value if all factors are at their ends, to first order
     corners : the same as full runs have it
@@ -82,11 +82,11 @@ class ToleranceStack:
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """Tolerances of all measures, and how many runs they took."""
+    """Tolerances of all measures, and the number of their runs."""
 
     stacks: tuple[ToleranceStack, ...]
     runs: int
-    plan: SweepPlan  #: with the nominal run only
+    plan: SweepPlan  #: plan with the nominal run only
 
     @property
     def rows(self) -> list[Row]:

@@ -53,16 +53,16 @@ class Trials:
     Parameters
     ----------
     pool : within its block
-    rows : of what is computed already
+    rows : rows computed already
 
     Attributes
     ----------
     tried : values by path, by the key of the row
-    whole : whether all combinations of lists of values are tried first
-    units : of the measures, known after the start
-    gradients : how slopes were computed so far: `EXACT`, `DIFFERENCES` or `NONE`
-    refused : why there are no exact ones, where they were asked for
-    never : whether there are none anywhere
+    whole : try all combinations of lists of values first
+    units : units of the measures, known after the start
+    gradients : method of slopes so far: `EXACT`, `DIFFERENCES` or `NONE`
+    refused : reason for missing exact ones, if requested
+    never : True if there are none anywhere
     """
 
     def __init__(

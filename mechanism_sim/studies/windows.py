@@ -73,22 +73,22 @@ class SampleWindow(NamedTuple):
 
 
 class Cutter:
-    """Cuts windows from the blocks of one sensor, which come in their order.
+    """Windows cut from successive blocks of a sensor.
 
-    A window lies within one record: the whole run, or what follows a trigger.
+    A window is within one record: the whole run, or the samples after a trigger.
 
     Parameters
     ----------
-    rate : of the sensor [Hz]
-    since : [s] windows that begin earlier are left out
+    rate : sampling rate of the sensor [Hz]
+    since : earliest start of windows [s]
     """
 
     def __init__(self, windows: WindowsPart, rate: float, since: float) -> None:
         self._windows, self._rate, self._since = windows, rate, since
-        self._start = 0.0  # of the record
-        self._index = 0  # of the first sample that is kept
+        self._start = 0.0  # start of the record [s]
+        self._index = 0  # index of the first stored sample
         self._samples: Array = np.zeros(0)
-        self._cut = np.zeros(0, bool)  # which of them
+        self._cut = np.zeros(0, bool)  # True for clipped samples
 
     @property
     def next_start(self) -> float:

@@ -1,7 +1,7 @@
-"""Conclusions of [SB] on clearance, speed and restitution, held against means over starts.
+"""Conclusions of [SB] on clearance, speed and restitution, compared with means over starts.
 
-Two figures differ if their confidence intervals do not overlap; otherwise it is not decided
-which is the larger. So a conclusion that is drawn here holds for other starts and processors.
+Two figures differ if their confidence intervals do not overlap; otherwise it is undecided
+which is the larger. So conclusions drawn here hold for other starts and processors.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class Comparison(NamedTuple):
 
     Attributes
     ----------
-    where : what both have in common
-    ends : what differs, in words
-    expected : `MORE`, `LESS` or `SAME` from the first to the second, as [SB] says; or empty
+    where : common condition of both
+    ends : text of the differing conditions
+    expected : `MORE`, `LESS` or `SAME` from the first to the second, as in [SB]; or empty
     """
 
     where: str
@@ -43,13 +43,13 @@ class Comparison(NamedTuple):
 
 
 class Claim(NamedTuple):
-    """A conclusion of [SB], and the comparisons that it is held against.
+    """A conclusion of [SB], and the comparisons that test it.
 
     Attributes
     ----------
-    text : the conclusion
-    figure : by which it is judged, in words
-    scale : of the figures in print
+    text : text of the conclusion
+    figure : name of the compared figure
+    scale : factor of the printed figures
     """
 
     text: str
@@ -59,7 +59,7 @@ class Claim(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Yes, no, both in part, or not decided."""
+        """Verdict: yes, no, partly, or undecided."""
         judged = [c for c in self.comparisons if c.expected]
         decided = [c for c in judged if c.found != UNDECIDED]
         if not decided:
@@ -89,13 +89,13 @@ _MEANS = _Figure(
 
 
 def claims(found: Experiment) -> list[Claim]:
-    """Claims for which there are runs."""
+    """Claims with runs for them."""
     made = [*_by_restitution(found), *_by_clearance(found), *_by_speed(found), *_in_time(found)]
     return [claim for claim in made if claim.comparisons]
 
 
 def _by_restitution(found: Experiment) -> Iterator[Claim]:
-    """Bearings that differ from the measured one in their restitution only, step by step."""
+    """Comparisons of bearings that differ from the measured one in their restitution only."""
     own = found.bearing
     runs = [
         x
@@ -157,7 +157,7 @@ def _by_speed(found: Experiment) -> Iterator[Claim]:
 
 
 def _in_time(found: Experiment) -> Iterator[Claim]:
-    """The sum of impulses of the assumed machine, from its first turns to its last ones."""
+    """Comparisons of the assumed machine's sums of impulses, from its first turns to the last."""
     spans = spans_of_turns(found)
     if len(spans) > 1 and found.assumed is not found.reference:
         ends = spans[0], spans[-1]
@@ -169,7 +169,7 @@ def _in_time(found: Experiment) -> Iterator[Claim]:
 
 
 def spans_of_turns(found: Experiment) -> list[tuple[int, int]]:
-    """Turns 0 to 1, 1 to 2, 2 to 4, 4 to 8, ... from the first impact, as far as all runs go."""
+    """Turns 0 to 1, 1 to 2, 2 to 4, 4 to 8, ... from the first impact, to the end of all runs."""
     count = min(x.turns_since_first for x in (*found.assumed.trials, *found.reference.trials))
     edges = [0, 1]
     while edges[-1] < count:
@@ -192,7 +192,7 @@ def _ends(
     name: Callable[[Repeats], str],
     expected: str,
 ) -> tuple[Comparison, ...]:
-    """The first run of each row beside its last."""
+    """Comparison of the first run of each row with its last."""
     return tuple(
         Comparison(
             where(runs[0]), (name(runs[0]), name(runs[-1])), expected, figure.of(runs[0]),
@@ -207,7 +207,7 @@ def _steps(
     figure: _Figure, runs: Sequence[Repeats], names: Sequence[str], where: str,
     expected: Sequence[str],
 ) -> tuple[Comparison, ...]:  # fmt: skip
-    """Each run beside the next."""
+    """Comparison of each run with the next."""
     values = [figure.of(x) for x in runs]
     return tuple(
         Comparison(where, ends, wanted, *pair)

@@ -1,12 +1,12 @@
-"""Will contact be lost? The criteria of the literature, from the forces of the ideal mechanism.
+"""Criteria of contact loss from the literature, by the forces of the ideal mechanism.
 
 [SB] 3.5 collects them. All take F, the force of the pin on its bushing in the mechanism without
 clearance, with magnitude R and direction gamma, over one turn of the crank. Four are given as [SB]
-reports them; where it gives no number for a limit, the limit is this project's and an argument:
+reports them; if it gives no number for a limit, the limit is this project's and an argument:
 
 - `small_force`: R is small ([SB]'s second method);
 - `polar_plot`: the plot of F passes through the origin (Wu and Earles 1972, [SB]'s [3]);
-- `turn_over_least_force`: ``gamma'/R > 1 rad/(N s)`` where R is least (Wu and Earles 1975, [4]);
+- `turn_over_least_force`: ``gamma'/R > 1 rad/(N s)`` at minima of R (Wu and Earles 1975, [4]);
 - `unit_turn_over_force`: contact is lost when ``gamma'/R = 1 rad/(N s)`` (Grant and Fawcett 1977,
   [84]).
 
@@ -32,7 +32,7 @@ Left out are terms of the order m c w^2 beside F, with the speed w of the crank.
 small too, but it works like a damping of either sign: in the course of a turn it changes the
 swings of the link by a part of their own size that does not shrink with the clearance.
 
-- `turning_link`: N if the link turned as the force does, eta = gamma. For a mass that is the same
+- `turning_link`: N if the link rotated with the force, eta = gamma. For a mass that is the same
   in all directions, without H, that is more than R: a loss needs a link that does *not* follow.
 - `lagging_link`: the lag of a link that turns as the force does, ``R sin(lag) = m_tt c gamma'' -
   m_tn c gamma'^2 + H_tt c gamma'``. Where the sine would have to exceed 1, the link falls behind.
@@ -78,7 +78,7 @@ class Prediction:
     """Prediction of one criterion for a turn of the crank."""
 
     criterion: str
-    angles: tuple[float, ...]  #: [rad] of the crank in [0, 2 pi) where contact would be lost
+    angles: tuple[float, ...]  #: crank angles of predicted losses of contact [rad], in [0, 2 pi)
     figure: float  #: value compared with the threshold
     unit: str  #: unit of both
     threshold: float
@@ -92,9 +92,9 @@ class ClearanceLink:
     Attributes
     ----------
     radial : clearance [m], the length of the link
-    inertia : at crank angles (N,) the mass m [kg] felt by the pin as it moves against the bushing,
+    inertia : function of crank angles (N,): effective mass m [kg] of the pin's relative motion,
         and 2 B^T I dB/d(crank angle) [kg/rad], both (2, 2, N) in fixed axes
-    damping : at crank angles (N,) the force that it feels by its rate, B^T D B (2, 2, N) [N s/m]
+    damping : function of crank angles (N,): damping matrix B^T D B (2, 2, N) [N s/m]
     """
 
     radial: float
@@ -102,7 +102,7 @@ class ClearanceLink:
     damping: Callable[[Array], Array] | None = None
 
     def felt(self, angle: Array, speed: float) -> tuple[Array, Array]:
-        """Mass m [kg] at crank angles (N,), and H over the speed of the crank [kg/rad]."""
+        """Effective mass m [kg] at crank angles (N,), and H over the crank's speed [kg/rad]."""
         m, transport = self.inertia(angle)
         if self.damping is not None:
             transport = transport + self.damping(angle) / speed
@@ -117,11 +117,11 @@ class ClearanceLink:
         rocker_inertia: float,
         resistance: Callable[[Array], Array] | None = None,
     ) -> ClearanceLink:
-        """Between coupler and rocker of a four-bar whose crank is held to its law.
+        """Clearance link between coupler and rocker of a four-bar with a prescribed crank.
 
         Parameters
         ----------
-        coupler_inertia, rocker_inertia : [kg m^2] about the crank pin and the pivot in the frame
+        coupler_inertia, rocker_inertia : about the crank pin and the frame's pivot [kg m^2]
         resistance : D (2, 2, N) [N m s] of coupler and rocker at crank angles (N,), if any
         """
         links = np.diag([coupler_inertia, rocker_inertia])
@@ -163,9 +163,9 @@ class ClearanceLink:
 class PinFollowing:
     """Contact of a free clearance link from its start to the first loss of contact."""
 
-    turned: float | None  #: [rad] of the crank until contact was lost; None if it was not
-    angle: float | None  #: [rad] of the crank then, in [0, 2 pi)
-    least_force: float  #: [N] smallest contact force on the way; 0 at the loss
+    turned: float | None  #: crank rotation until loss of contact [rad]; None without loss
+    angle: float | None  #: crank angle at the loss [rad], in [0, 2 pi)
+    least_force: float  #: smallest contact force until then [N]; 0 at the loss
 
 
 def contact_loss(
@@ -175,11 +175,11 @@ def contact_loss(
     start: float = 0.0,
     turns: float = 3.0,
 ) -> list[Prediction]:
-    """All criteria that can be judged; those of the clearance link need the link.
+    """All criteria that can be evaluated; those of the clearance link need `link`.
 
     Parameters
     ----------
-    start, turns : crank angle [rad] from which, and turns for which the free link is followed
+    start, turns : initial crank angle [rad] and number of turns of the free link's integration
     """
     found = [
         small_force(cycle),
@@ -200,7 +200,7 @@ def small_force(cycle: ForceCycle, fraction: float = 0.1) -> Prediction:
     """The force drops to the neighbourhood of zero ([SB] 3.5, second method).
 
     [SB] means the force in the following mode and gives no number. Here it is the ideal force,
-    measured by its mean over time; the fraction is this project's. The angles are those where the
+    relative to its mean over time; the fraction is this project's. The angles are those where the
     force falls below it; the figure is the exact minimum.
     """
     level = fraction * cycle.mean
@@ -213,9 +213,9 @@ def small_force(cycle: ForceCycle, fraction: float = 0.1) -> Prediction:
 def polar_plot(cycle: ForceCycle, nearness: float = 0.01) -> Prediction:
     """The polar plot of the force passes the origin with a finite slope (Wu and Earles 1972).
 
-    A computed plot never meets the origin exactly: it passes if its distance, as part of the
-    largest force, is less than `nearness`, which is this project's. A cusp there, where the force
-    comes and goes without a definite slope, does not count.
+    A computed plot never meets the origin exactly: it passes if its distance, as a share of the
+    largest force, is less than `nearness`, which is this project's. A cusp there, of a force that
+    vanishes without a definite slope, does not count.
     """
     minima = np.array([m.angle for m in cycle.minima])
     distance = cycle.magnitude(minima) / cycle.maximum[1]
@@ -227,7 +227,7 @@ def polar_plot(cycle: ForceCycle, nearness: float = 0.01) -> Prediction:
 
 
 def turn_over_least_force(cycle: ForceCycle, threshold: float = 1.0) -> Prediction:
-    """The force turns quickly where it is smallest: gamma'/R_min > 1 rad/(N s).
+    """Fast rotation of the force at its minima: gamma'/R_min > 1 rad/(N s).
 
     Wu and Earles 1975, as in [SB] 3.5. The angles are the minima of the force with such an index.
     """
@@ -256,7 +256,7 @@ def unit_turn_over_force(cycle: ForceCycle, level: float = 1.0) -> Prediction:
 def index_spans(cycle: ForceCycle, level: float = 1.0) -> list[tuple[float, float]]:
     """Spans of crank angle [rad] in which gamma'/R exceeds a level [rad/(N s)].
 
-    A force that passes exactly through the origin without turning on its way makes an empty span.
+    A force that passes exactly through the origin without rotation makes an empty span.
     """
     scale = cycle.maximum[1] * float(length(cycle.rates(cycle.grid).first).max())
 
@@ -274,7 +274,7 @@ def index_spans(cycle: ForceCycle, level: float = 1.0) -> list[tuple[float, floa
 
 
 def turning_link(cycle: ForceCycle, link: ClearanceLink) -> Prediction:
-    """The contact force of a clearance link that turns with the force, and where it would pull.
+    """Contact force of a clearance link that rotates with the force; losses where it is tensile.
 
     Derived here, see above: N = R + m_nn c gamma'^2 - m_nt c gamma'' - H_nt c gamma'.
     """
@@ -288,9 +288,9 @@ def turning_link(cycle: ForceCycle, link: ClearanceLink) -> Prediction:
 
 
 def lagging_link(cycle: ForceCycle, link: ClearanceLink) -> Prediction:
-    """The sine of the lag with which a clearance link could turn as the force does.
+    """Sine of the lag at which a clearance link would rotate with the force.
 
-    Derived here, see above. The angles are those from which on it would have to exceed 1.
+    Derived here, see above. The angles are those at which it rises above 1.
     """
 
     def sine(angle: Array) -> Array:
@@ -306,9 +306,9 @@ def lagging_link(cycle: ForceCycle, link: ClearanceLink) -> Prediction:
 def free_link(
     cycle: ForceCycle, link: ClearanceLink, start: float = 0.0, turns: float = 3.0
 ) -> Prediction:
-    """The clearance link swings freely in the field of the force until it would have to pull.
+    """Free motion of the clearance link under the force until the contact force becomes tensile.
 
-    Derived here, see above; `follow` tells after how many turns, and how it starts.
+    Derived here, see above; for the start and the number of turns see `follow`.
     """
     run = follow(cycle, link, start, turns)
     angles = () if run.angle is None else (run.angle,)
@@ -322,15 +322,15 @@ def follow(
     turns: float = 3.0,
     rate: float | None = None,
 ) -> PinFollowing:
-    """Integrate the direction of a clearance link that presses, until it lets go.
+    """Integrate the direction of a clearance link under compression, until detachment.
 
-    It starts in the direction of the force, as [SB] 3.4 and the scenes with ``start: seated`` do.
+    It starts in the direction of the force, as in [SB] 3.4 and scenes with ``start: seated``.
 
     Parameters
     ----------
     start : crank angle [rad]
-    turns : of the crank, after which to give up
-    rate : of the link [rad/s]; without it that of free links that have their ideal rates, which is
+    turns : largest number of crank turns
+    rate : initial rate of the link [rad/s]; default: that of free links at their ideal rates,
         -t.(J B') n
     """
     here = np.array([start])
@@ -350,7 +350,7 @@ def follow(
     )
 
     def swing(turned: Array, y: Array) -> tuple[Array, Array]:
-        """Contact force (N,) [N], and derivative of direction and rate by the angle turned."""
+        """Contact force (N,) [N], and derivatives of direction and rate by the crank rotation."""
         angle = start + way * turned
         m11, m12, _, m22, h11, h12, h21, h22 = inertia(angle)
         fx, fy = cycle.curve(angle, 0)
@@ -369,7 +369,7 @@ def follow(
     least = float(swing(np.zeros(1), state[:, None])[0][0])
     if least <= 0.0:
         return PinFollowing(0.0, start % TURN, least)
-    # A link that starts aligned and at rest does not show how fast it will swing.
+    # The initial state of an aligned link at rest does not show its frequency.
     period = abs(speed) * math.sqrt(link.radial * float(np.trace(m)) / math.hypot(*force))
     solver = scipy.integrate.DOP853(
         lambda x, y: swing(np.array([x]), y[:, None])[1][:, 0], 0.0, state, TURN * turns,
@@ -398,7 +398,7 @@ def follow(
 
 
 def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Array, Array, Array]:
-    """Contact force, force across and force R (N,) [N] of a link that turns with the force."""
+    """Contact force, transverse force and force R (N,) [N] of a link rotating with the force."""
     rates = cycle.rates(angle)
     rate, turn = rates.turn()
     force = rates.magnitude
@@ -417,12 +417,12 @@ def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Arra
 
 @dataclass(frozen=True)
 class Losses:
-    """One loose joint: what was predicted, and what happened.
+    """Predicted and simulated losses of contact in a clearance joint.
 
     Attributes
     ----------
-    predictions : of the criteria of [SB] 3.5 and of the clearance as a link
-    turns : of the crank at every loss of contact
+    predictions : predictions by the criteria of [SB] 3.5 and by the clearance link
+    turns : turns of the crank from the start to each loss of contact
     """
 
     joint: str
@@ -431,9 +431,9 @@ class Losses:
 
 
 def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
-    """Criteria and reality for every loose joint.
+    """Predicted and simulated losses for every clearance joint.
 
-    The criteria of the clearance link are known for the joint between coupler and rocker only.
+    The criteria of the clearance link exist for the joint between coupler and rocker only.
     """
     validate_loose(machine, 'criteria need')
     angle, speed = machine.drive.start
@@ -453,7 +453,7 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
 def _predicted(
     machine: Machine, angle: float, speed: float, revolutions: float
 ) -> dict[str, list[Prediction]]:
-    """Criteria for every loose joint of a four-bar, from a crank angle [rad] on at a speed."""
+    """Predictions by clearance joint of a four-bar, from a crank angle [rad], at a speed."""
     loop, dynamics = machine.nominal.four_bar, machine.nominal.inverse_dynamics
     acting = ', '.join(e.name for e in dynamics.elements)
     beside = {'time' if x == 'time' else 'states' for x in dynamics.outside if '.turns' not in x}
@@ -485,7 +485,7 @@ def _predicted(
 def _clearance_link(
     radial: float, loop: FourBarLoop, dynamics: InverseDynamics, speed: float
 ) -> ClearanceLink:
-    """Between coupler and rocker of an ideal four-bar at a speed of its crank [rad/s]."""
+    """Clearance link between coupler and rocker of an ideal four-bar, at a crank speed [rad/s]."""
     bodies = [dynamics.mechanism.body(link) for link in loop.links[1:]]
     about = [b.inertia + b.mass * (b.cog[0] ** 2 + b.cog[1] ** 2) for b in bodies]
     coordinates = dynamics.mechanism.coordinates
@@ -502,7 +502,7 @@ def _clearance_link(
 
 
 def render(found: Sequence[Losses]) -> str:
-    """Criteria and reality for people."""
+    """Predicted and simulated losses as text."""
     return text(_section(joint) for joint in found)
 
 

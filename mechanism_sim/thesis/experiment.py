@@ -1,8 +1,8 @@
-"""The experiment of [SB] chapters 7 and 8 on recorded runs: what is measured, and what is true.
+"""The experiment of [SB] chapters 7 and 8 on recorded runs: measured and true quantities.
 
 A four-bar, loose between coupler and rocker, carries accelerometers across these links. Its runs
 differ in speed, clearance and bearing, and in their start. Without friction or oil the motion is
-chaotic: no figure of a single run is that of another start, or of another processor. So figures
+chaotic: figures of a single run differ for another start, or another processor. So figures
 are means over starts, with the confidence interval of Student's t.
 """
 
@@ -57,7 +57,7 @@ one another in 5 of 1,000 cases, which are three figures of such a page; those o
 MESH = MESHES[-1]
 """[deg] of the crank: what cycles are drawn with, and alpha is made of."""
 QUANTITIES = 'acceleration', 'velocity'
-_AT_FIRST = 4  # turns
+_AT_FIRST = 4  # turns from the first impact
 
 
 class BearingContact(NamedTuple):
@@ -65,7 +65,7 @@ class BearingContact(NamedTuple):
 
     restitution: float
     friction: float
-    viscosity: float = 0.0  #: of an oil film [Pa s]; 0 of a dry bearing
+    viscosity: float = 0.0  #: viscosity of an oil film [Pa s]; 0 for a dry bearing
 
     def __str__(self) -> str:
         if self.viscosity:
@@ -84,10 +84,10 @@ def mm(radial: float) -> str:
 
 
 class Condition(NamedTuple):
-    """Condition of a run of the experiment: all in which they differ but for their start."""
+    """Condition of a run of the experiment, apart from its start."""
 
-    speed: float  #: of the crank [rad/s]
-    radial: float  #: clearance [m]
+    speed: float  #: speed of the crank [rad/s]
+    radial: float  #: radial clearance [m]
     bearing: BearingContact
 
     @property
@@ -100,19 +100,19 @@ class Condition(NamedTuple):
 
 
 def pace(speed: float) -> tuple[float, float]:
-    """Key that sorts speeds by their size, of equal ones the clockwise first."""
+    """Key that sorts speeds by their magnitude, clockwise before counterclockwise."""
     return abs(speed), speed
 
 
 class Interval(NamedTuple):
-    """A mean, and half of its confidence interval (`CONFIDENCE`); nan where nothing tells it."""
+    """A mean, and half of its confidence interval (`CONFIDENCE`); nan if undefined."""
 
     mean: float
     half_width: float
 
     @classmethod
     def over(cls, values: Sequence[float] | Array) -> Interval:
-        """Interval of the mean of independent values; without width for one value alone."""
+        """Interval of the mean of independent values; without width for a single value."""
         return cls.of_ratio(np.asarray(values, float), np.ones(len(values)))
 
     @classmethod
@@ -136,12 +136,12 @@ class Interval(NamedTuple):
         return self.mean + self.half_width
 
     def above(self, other: Interval) -> bool:
-        """True if the whole of it lies above another; False if either has no width."""
+        """True if the whole interval is above another; False if either has no width."""
         return self.low > other.high
 
 
 class Errors(NamedTuple):
-    """Errors of a reconstruction: against the instrument's ideal reading, and the truth."""
+    """Errors of a reconstruction, relative to the instrument's ideal reading and to the truth."""
 
     of_shown: Error
     of_truth: Error
@@ -153,11 +153,11 @@ class CrankTurn:
 
     Attributes
     ----------
-    angle : of the crank in the middle of the steps [deg], falling where it turns clockwise
-    acceleration, velocity : of coupler and rocker (2, n), accelerations as means over the steps
-    force : of the coupler on the rocker (2, n) [N], with impulses spread over their step
-    torque : of the drive (n,) [N m], likewise
-    nominal : all six of the ideal mechanism, in that order (7, n)
+    angle : crank angle in the middle of the steps [deg], decreasing for clockwise rotation
+    acceleration, velocity : (2, n) of coupler and rocker, accelerations as means over the steps
+    force : (2, n) force of the coupler on the rocker [N], with impulses spread over their step
+    torque : (n,) torque of the drive [N m], with impulses spread over their step
+    nominal : (7, n) all of these for the ideal mechanism, in this order
     """
 
     angle: Array
@@ -183,16 +183,16 @@ class Trial:
 
     Attributes
     ----------
-    start : angle of the crank [rad]
-    turns : of the crank that are analysed: from, and up to
-    at_first : the first turn with an impact, and up to which those that follow it are counted
-    severity, severity_at_first : by link
-    errors : of angular accelerations and velocities, by (quantity, link) and method
-    overloads : samples cut at the range of their converters
-    swings : by link; only of the first of several starts, for they are large
-    rose, impacts : of these turns
-    every : impacts of all turns, turn by turn
-    first : the first turn with an impact
+    start : crank angle at the start [rad]
+    turns : first analysed turn of the crank, and the end
+    at_first : first turn with an impact, and the end of the first turns from it
+    severity, severity_at_first : severity by link, in `turns` and in `at_first`
+    errors : errors of angular accelerations and velocities, by (quantity, link) and method
+    overloads : number of samples clipped at the range of their converters
+    swings : motion by link; only for the first of several starts, to save memory
+    rose, impacts : impacts in `turns`
+    every : impacts of all turns, by turn
+    first : quantities of the first turn with an impact
     """
 
     bag: Path
@@ -214,7 +214,7 @@ class Trial:
 
     @property
     def turns_since_first(self) -> int:
-        """Whole turns from the first one with an impact on."""
+        """Number of whole turns from the first one with an impact."""
         return len(self.every.count) - (self.at_first[0] - self.every.first)
 
     def since_first(self, turns: tuple[int, int]) -> TurnSums:
@@ -226,7 +226,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class TurnSums:
-    """Impacts and the sum of their impulses [N s], turn by turn."""
+    """Number of impacts and sum of their impulses [N s], by turn."""
 
     count: NDArray[np.int64]
     impulse: Array
@@ -240,7 +240,7 @@ class IdealRuns:
         self._samples: dict[tuple[str, float, str, Instrument], Array] = {}
 
     def record(self, of: Record) -> Record:
-        """Run of the ideal mechanism over the time of another run."""
+        """Run of the ideal mechanism over the duration of another run."""
         machine = ideal_machine(of.machine)
         key = machine.fingerprint, of.end
         if key not in self._records:
@@ -248,7 +248,7 @@ class IdealRuns:
         return self._records[key]
 
     def samples(self, ideal: Record, link: str, instrument: Instrument) -> Array:
-        """The angular acceleration of a link by an instrument, from the start of that run on."""
+        """Samples of a link's angular acceleration by an instrument, from the start of the run."""
         key = ideal.machine.fingerprint, ideal.end, link, instrument
         if key not in self._samples:
             mount = TurningLink(ideal.machine.mechanism, link)
@@ -262,8 +262,8 @@ def trial(bag: Path, skip: int | None = None, ideals: IdealRuns | None = None) -
 
     Parameters
     ----------
-    skip : whole turns of the crank that are left out; the first half of them unless told
-    ideals : of the runs before, so that the ideal mechanism is not simulated anew for each
+    skip : number of whole crank turns left out; default: the first half
+    ideals : ideal runs of earlier trials, to avoid repeated simulations
     """
     record = read_record(bag)
     machine = record.machine
@@ -376,36 +376,36 @@ def _cycle(record: Record, ideal: Record, turn: int) -> CrankTurn:
 
 @dataclass(frozen=True, eq=False)
 class Repeats:
-    """Runs of one condition that differ in their start, the first of them first."""
+    """Runs of one condition with different starts."""
 
     trials: Sequence[Trial]
 
     @property
     def condition(self) -> Condition:
-        """Condition of all these runs."""
+        """Common condition of the runs."""
         return self.trials[0].condition
 
     @property
     def first(self) -> Trial:
-        """The run that is drawn."""
+        """The first run, which is drawn."""
         return self.trials[0]
 
     def mean(self, figure: Callable[[Trial], float]) -> Interval:
-        """Mean of a figure over the starts; without interval for one start."""
+        """Mean of a figure over the starts; without interval for a single start."""
         return Interval.over([figure(x) for x in self.trials])
 
     def shown(self, link: str = 'coupler') -> Interval:
-        """The deviation of the angular acceleration of a link as the instrument shows it."""
+        """Measured deviation of the angular acceleration of a link."""
         return self.mean(lambda x: x.severity[link].heard)
 
     def impacts(self, name: str, turns: tuple[int, int] | None = None) -> Interval:
         """``count`` or ``impulse`` a turn, or ``I_n``, in the turns analysed or in others.
 
-        The interval is that over the starts; of a single start that over batches of turns.
+        The interval is that over the starts; for a single start that over batches of turns.
 
         Parameters
         ----------
-        turns : from, and up to, counted from the first turn with an impact
+        turns : first turn and end, counted from the first turn with an impact
         """
         spans = [x.impacts if turns is None else x.since_first(turns) for x in self.trials]
         if len(spans) == 1 and turns is None:
@@ -418,9 +418,9 @@ class Repeats:
 
     def times(self, figure: Callable[[Trial], float], other: Repeats,
               of: Callable[[Trial], float]) -> Interval:  # fmt: skip
-        """Ratio of the mean of a figure here to that of another figure there.
+        """Ratio of the mean of a figure of these runs to that of a figure of other runs.
 
-        Two figures of the same runs are taken in pairs; other runs are independent.
+        Two figures of the same runs are paired; other runs are independent.
         """
         here, there = (
             np.array([f(x) for x in side.trials]) for side, f in ((self, figure), (other, of))
@@ -432,13 +432,13 @@ class Repeats:
 class Experiment:
     """All runs of the experiment.
 
-    The machine that is measured is that whose bearing most of the runs have. It is compared with
+    The measured machine is that with the bearing of most runs. It is compared with
     the others at the highest speed and, there, the largest clearance.
 
     Attributes
     ----------
-    groups : runs of the same condition
-    limits : errors by the lower limit of the amplifiers [Hz] and condition, one for each start:
+    groups : runs by condition
+    limits : errors by lower limit of the amplifiers [Hz] and condition, for each start:
         see `with_limits`
     orders : alpha by multiple of the speed of the crank: see `with_orders`
     """
@@ -464,11 +464,11 @@ class Experiment:
 
     @cached_property
     def measured(self) -> dict[tuple[float, float], Repeats]:
-        """The runs of that machine by speed [rad/s] and clearance [m], rising in size."""
+        """Runs of the measured machine by speed [rad/s] and clearance [m], in ascending order."""
         return self.places(self.bearing)
 
     def places(self, bearing: BearingContact) -> dict[tuple[float, float], Repeats]:
-        """The runs of a bearing by speed [rad/s] and clearance [m], rising in size."""
+        """Runs of a bearing by speed [rad/s] and clearance [m], in ascending order."""
         found = {x.condition[:2]: x for x in self.groups if x.condition.bearing == bearing}
         return dict(sorted(found.items(), key=lambda x: (*pace(x[0][0]), x[0][1])))
 
@@ -484,12 +484,12 @@ class Experiment:
 
     @property
     def reference(self) -> Repeats:
-        """The runs at the highest speed, there with the largest clearance."""
+        """Runs of the measured machine at the highest speed, with the largest clearance."""
         return [*self.measured.values()][-1]
 
     @property
     def bearings(self) -> list[Repeats]:
-        """The runs there, dry ones first, friction rising and restitution falling."""
+        """Runs there by bearing: dry ones first, friction rising and restitution falling."""
         here = self.reference.condition[:2]
         return sorted(
             (x for x in self.groups if x.condition[:2] == here),
@@ -508,12 +508,12 @@ class Experiment:
     def alpha(self, of: Repeats | None = None) -> Interval:
         """Factor alpha of [SB] 8.1 between the assumed and a measured machine on the coupler.
 
-        How many times as large the deviation of the assumed machine is in its first turns with
-        impacts, as means over steps of `MESH`, as what the instrument shows of the other.
+        Ratio of the deviation of the assumed machine in its first turns with
+        impacts, as means over steps of `MESH`, to the deviation measured on the other.
 
         Parameters
         ----------
-        of : the machine that is measured; `reference` unless told
+        of : the measured machine; `reference` by default
         """
         return self.assumed.times(
             lambda x: x.severity_at_first['coupler'].by_mesh[-1],
@@ -530,9 +530,9 @@ LIMITS = 2.0, 0.2
 
 
 def with_limits(found: Experiment, limits: Sequence[float] = LIMITS) -> Experiment:
-    """The experiment, and what each lower limit of the amplifiers does to reconstructions.
+    """The experiment, with errors of reconstructions for each lower limit of the amplifiers.
 
-    At the lowest and the highest speed, there with the largest clearance; nowhere if a sensor has
+    At the lowest and the highest speed, with the largest clearance; nowhere if a sensor has
     no high-pass at all.
     """
     speeds = found.speeds
@@ -557,10 +557,10 @@ ORDERS = 12
 
 
 def with_orders(found: Experiment) -> Experiment:
-    """The experiment, and alpha in bands of one order, by the sensor on the coupler.
+    """The experiment, with alpha in bands of one order, by the sensor on the coupler.
 
-    Of assumed and measured machine in the same turns; how far it is from one number says whether
-    the one response is the other one scaled.
+    For the assumed and the measured machine in the same turns; its scatter shows whether
+    one response is a multiple of the other.
     """
     if found.assumed is found.reference:
         return found
@@ -574,7 +574,7 @@ def with_orders(found: Experiment) -> Experiment:
 
 
 def _order_amplitudes(of: Trial) -> Array:
-    """Amplitudes (12,) of the deviation that the sensor on the coupler shows, order by order."""
+    """Amplitudes (12,) of the deviation measured on the coupler, by order."""
     record = read_record(of.bag)
     sensor = next(iter(sensors_across(record.machine, 'coupler')))
     shown = deviation(record, sensor, skip=of.turns[0] - record.turns[0])
@@ -600,12 +600,12 @@ def read_experiment(
     skip: int | None = None,
     show: Callable[[int, int], None] | None = None,
 ) -> Experiment:
-    """Some bags as an experiment; those of one condition are runs from several starts.
+    """An experiment from bags; those of one condition are runs from several starts.
 
     Parameters
     ----------
-    skip : as for `trial`
-    show : called with the number of bags read, and 0
+    skip : number of turns left out, as for `trial`
+    show : callback with the number of bags read, and 0
     """
     groups: dict[Condition, list[Trial]] = {}
     ideals = IdealRuns()
@@ -613,7 +613,7 @@ def read_experiment(
         found = trial(bag, skip, ideals)
         here = groups.setdefault(found.condition, [])
         for other in here:
-            # runs of a condition differ in their start, and only in it
+            # runs of a condition differ in their start only
             if found.machine.fingerprint == other.machine.fingerprint:
                 raise InputError(
                     f'{bag}: the machine, its condition ({found.condition}) and its start are '
@@ -626,7 +626,7 @@ def read_experiment(
                     f'({found.condition}), but the machines differ in more than the angle of the '
                     'crank at the start: they are not runs of one experiment'
                 )
-        # curves are drawn of the first start only
+        # curves are drawn for the first start only
         here.append(replace(found, swings={}) if here else found)
         if show:
             show(n, 0)

@@ -1,4 +1,4 @@
-"""The figures of [SB] chapters 7 and 8, made from recorded runs; each under its number there."""
+"""The figures of [SB] chapters 7 and 8 from recorded runs, with their numbers there."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from mechanism_sim.thesis.experiment import (
 )
 from mechanism_sim.thesis.swing import LINKS
 
-# number of the colour, or colour, and of the dashes
+# number of the colour, or colour, and number of the dashes
 _STROKES: dict[str, tuple[int | str, int]] = {'measured': (3, 0), 'no clearance': (INK, 1)}
 _LOOKS = dict.fromkeys(('simulated', 'simulated, modified', 'modified'), 'fine')
 _ARROW = np.array([0.0, 1.0, 0.9 + 0.04j, np.nan, 1.0, 0.9 - 0.04j])
@@ -54,7 +54,7 @@ _ROWS = {
 
 
 def charts(found: Experiment) -> Iterator[Chart]:
-    """The figures by their keys, as ``figure_7_09``; those whose bags are missing are not."""
+    """The figures by key, as ``figure_7_09``; without those whose bags are missing."""
     for number, chart in _numbered(found):
         yield replace(chart, key=f'figure_{number}')
 
@@ -111,7 +111,7 @@ def _unlike_chapter_8(group: Repeats) -> tuple[float, float]:
 
 
 def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
-    """Samples of the last whole turn, and the crank's angle at them [deg]."""
+    """Samples of the last whole turn, and their crank angles [deg]."""
     sense = math.copysign(1.0, trial.condition.speed)
     angle = sense * trial.swings[link].angle
     begin = 360.0 * (math.floor(angle[-1] / 360.0 + 1e-3) - 1.0)
@@ -121,7 +121,7 @@ def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
 
 
 def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Chart:
-    """[SB] 7.9 and 7.12 to 7.17: as the thesis reconstructs it, and the ideal mechanism."""
+    """[SB] 7.9 and 7.12 to 7.17: reconstructions of the thesis, and the ideal mechanism."""
     panels = []
     for trial in trials:
         swing = trial.swings[link]
@@ -135,7 +135,7 @@ def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Chart:
 
 
 def _panel(row: _Row, lines: Sequence[tuple[str, Array, Array]], title: str = '') -> Panel:
-    """Lines over a turn of the crank, by their labels; the ideal mechanism beneath."""
+    """Lines over a turn of the crank, by label, above those of the ideal mechanism."""
     curves = [
         ChartCurve(x, y, label, '', *_STROKES.get(label, (0, 0)), look=_LOOKS.get(label, ''))
         for label, x, y in lines
@@ -144,7 +144,7 @@ def _panel(row: _Row, lines: Sequence[tuple[str, Array, Array]], title: str = ''
 
 
 def _severity(found: Experiment, over: int, scale: float, words: str, unit: str) -> Chart:
-    """[SB] 7.10 and 7.11: over clearance (1) or speed (0), a line for each of the other."""
+    """[SB] 7.10 and 7.11: over clearance (1) or speed (0), with a line per value of the other."""
     others = found.clearances if over == 0 else found.speeds
     reads: list[tuple[str, str, float, Callable[[Repeats], Interval]]] = [
         ('impulses a turn', 'mN s', 1e3, lambda x: x.impacts('impulse')),
@@ -191,7 +191,7 @@ def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Cha
 def _beside_nominal(
     title: str, cycle: CrankTurn, shown: Sequence[tuple[_Row, Array]], label: str
 ) -> Chart:
-    """[SB] 8.3 and 8.8 to 8.10: rows of a cycle, and what the ideal mechanism has for them."""
+    """[SB] 8.3 and 8.8 to 8.10: rows of a cycle, and those of the ideal mechanism."""
     panels = [
         _panel(row, [(label, cycle.angle, values),
                      ('no clearance', cycle.angle, cycle.nominal[row.place])])

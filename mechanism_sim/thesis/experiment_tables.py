@@ -1,7 +1,7 @@
-"""The tables of the thesis's experiment, as Markdown, as JSON, and in a page.
+"""The tables of the thesis's experiment, as Markdown, as JSON, and on a page.
 
 A table stands between ``<!-- experiment: NAME -->`` and ``<!-- /experiment -->``. NAME is that of
-a table, or ``summary``. Of a long one, ``NAME; COLUMN = VALUE`` has the rows with this value.
+a table, or ``summary``; ``NAME; COLUMN = VALUE`` selects rows with this value.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _AGAINST = {'of_shown': 'what the instrument could show', 'of_truth': 'the truth
 
 
 class ExperimentTable(NamedTuple):
-    """A table with a heading, and a name by which pages refer to it."""
+    """A table with a heading, and its name for pages."""
 
     name: str
     title: str
@@ -63,7 +63,7 @@ class ExperimentTable(NamedTuple):
     rows: Sequence[tuple[str, ...]]
 
     def markdown(self) -> str:
-        """Table as Markdown, with all columns in line but the last, which may be long."""
+        """Table as Markdown, with all columns aligned but the last, which may be long."""
         lines = [self.columns, *self.rows]
         widths = [max(len(line[k]) for line in lines) for k in range(len(self.columns))]
         widths[-1] = 0
@@ -76,7 +76,7 @@ class ExperimentTable(NamedTuple):
 
 
 def tables(found: Experiment) -> list[ExperimentTable]:
-    """All tables of an experiment that has runs for them."""
+    """All tables of an experiment with runs for them."""
     made = [
         _bearings(found), _steps(found), _course(found), _severity(found), _claims(found),
         *_other_places(found), *_errors(found), _limits(found), _orders(found),
@@ -85,13 +85,13 @@ def tables(found: Experiment) -> list[ExperimentTable]:
 
 
 def render(found: Experiment) -> str:
-    """The tables for people."""
+    """The tables as text."""
     parts = [f'### {table.title}\n\n{table.markdown()}' for table in tables(found)]
     return '\n\n'.join([summary(found), *parts])
 
 
 def summary(found: Experiment) -> str:
-    """Summary of the runs, of those that are compared, and of the reasons."""
+    """Summary of the runs, of the compared ones, and of the reasons."""
     counts = sorted({len(group.trials) for group in found.groups})
     if counts == [1]:
         starts = (
@@ -135,9 +135,9 @@ def _bags(group: Repeats) -> str:
 
 
 def figure(x: Interval, scale: float = 1.0) -> str:
-    """A mean to three digits, and half the width of its interval to no more than it has.
+    """A mean to three digits, and half the width of its interval to the same decimal.
 
-    The width is rounded up, so that intervals that overlap do so in print; it is 0 if it is less
+    The width is rounded up, so that overlapping intervals do so in print; it is 0 if less
     than a hundredth of the last place.
     """
     mean, half = scale * x.mean, scale * x.half_width
@@ -216,7 +216,7 @@ def _bearings(found: Experiment) -> ExperimentTable:
 
 
 def _steps(found: Experiment) -> ExperimentTable:
-    """Table of steps from the machine that [SB] assumes to the possible measured ones."""
+    """Table of steps from the machine assumed by [SB] to the possible measured ones."""
     if found.assumed is found.reference:
         return ExperimentTable('steps', '', (), [])
     assumed, reference = found.assumed, found.reference
@@ -259,7 +259,7 @@ def _steps(found: Experiment) -> ExperimentTable:
 
 
 def _course(found: Experiment) -> ExperimentTable:
-    """Impacts of the assumed machine and of the measured one in the course of time."""
+    """Impacts of the assumed and of the measured machine over time."""
     groups = list(dict.fromkeys([found.assumed, found.reference]))
     rows = [
         (
@@ -298,7 +298,7 @@ def _claims(found: Experiment) -> ExperimentTable:
 
 
 def _other_places(found: Experiment) -> Iterator[ExperimentTable]:
-    """Bearings beside the measured one that were run at several speeds and clearances."""
+    """Other bearings with runs at several speeds and clearances."""
     for bearing in found.counted:
         places = found.places(bearing)
         if bearing == found.bearing or len(places) < 2:
@@ -350,7 +350,7 @@ def _relative(errors: Errors, against: str) -> float:
 
 
 def _limits(found: Experiment) -> ExperimentTable:
-    """Effect of the lower limit of the amplifiers on what [SB] did."""
+    """Effect of the lower limit of the amplifiers on the method of [SB]."""
     rows = []
     for (limit, condition), errors in sorted(
         (found.limits or {}).items(), key=lambda item: (pace(item[0][1].speed), -item[0][0])
@@ -488,7 +488,7 @@ def _error_rows(found: Mapping[tuple[str, str], Mapping[str, Errors]]) -> list[d
 
 
 def read_page(option: str, path: str) -> tuple[Path, str]:
-    """A page with marks, and that it can be written."""
+    """Read a page with marks; InputError if it cannot be written."""
     file = output.check_path(option, path, '.md')
     try:
         text = file.read_text(encoding='utf-8')
@@ -503,7 +503,7 @@ def read_page(option: str, path: str) -> tuple[Path, str]:
 
 
 def renewed(text: str, found: Experiment) -> str:
-    """The text of a page with its tables made anew."""
+    """The text of a page with renewed tables."""
     known = {t.name: t for t in tables(found)}
 
     def made(mark: re.Match[str]) -> str:
@@ -521,7 +521,7 @@ def renewed(text: str, found: Experiment) -> str:
 
 
 def _chosen(table: ExperimentTable, rows: str) -> ExperimentTable:
-    """A table with the rows that a page asks for: all if it does not say."""
+    """A table with the rows selected by a page; all by default."""
     column, _, value = rows.rpartition(' = ')
     if not rows:
         return table

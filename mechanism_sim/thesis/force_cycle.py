@@ -1,4 +1,4 @@
-"""The force in a joint over a turn of the crank, a periodic function: minima, index, turning."""
+"""The force in a joint over a turn of the crank as a periodic function: minima, rotation."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ _MOST_SAMPLES = 1 << 13
 class Fourier:
     """A Fourier series of k functions."""
 
-    order: Array  #: (M,) 0, 1, 2, ...
-    coefficient: NDArray[np.complex128]  #: (k, M)
+    order: Array  #: (M,) orders 0, 1, 2, ...
+    coefficient: NDArray[np.complex128]  #: (k, M) coefficients
 
     def __call__(self, angle: Array, derivative: int = 0) -> Array:
         """Derivative (k, N) at angles (N,) [rad]."""
@@ -39,14 +39,14 @@ class Fourier:
 
 
 def resolve(function: Callable[[Array], Array], what: str) -> Fourier:
-    """The Fourier series of a periodic function (N,) -> (k, N), with all terms above rounding.
+    """Fourier series of a periodic function (N,) -> (k, N), with all terms above rounding.
 
     Parameters
     ----------
-    what : names the function in the sentence that refuses one which is not smooth and periodic
+    what : name of the function in the message if it is not smooth and periodic
     """
-    n = 512  # a pulse of a force as narrow as that is met
-    check = TURN * np.array([0.0123, 0.2718, 0.5772, 0.9159])  # at no fraction of the turn
+    n = 512  # resolves pulses of such width
+    check = TURN * np.array([0.0123, 0.2718, 0.5772, 0.9159])  # not at fractions of the turn
     while n <= _MOST_SAMPLES:
         values = np.asarray(function(TURN * np.arange(n, dtype=np.float64) / n), dtype=np.float64)
         if not np.isfinite(values).all():
@@ -67,7 +67,7 @@ def resolve(function: Callable[[Array], Array], what: str) -> Fourier:
 
 
 def root(function: Callable[[Array], Array], a: float, b: float) -> float:
-    """The root in a bracket; an end where rounding hides the change of sign."""
+    """The root in a bracket; one of its ends if rounding hides the change of sign."""
 
     def value(x: float) -> float:
         return float(function(np.array([x]))[0])
@@ -79,7 +79,7 @@ def root(function: Callable[[Array], Array], a: float, b: float) -> float:
 
 
 def tip(function: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
-    """Place and value of the maximum between two places."""
+    """Position and value of the maximum in an interval."""
     found = scipy.optimize.minimize_scalar(
         lambda x: -float(function(np.array([x]))[0]),
         bounds=(a, b),
@@ -92,7 +92,7 @@ def tip(function: Callable[[Array], Array], a: float, b: float) -> tuple[float, 
 def with_tips(
     function: Callable[[Array], Array], x: Array, closed: bool = True
 ) -> tuple[Array, Array]:
-    """Places and values, with peaks and troughs added that pass zero between two places."""
+    """Positions and values, with added extremes that pass zero between two positions."""
     values = function(x)
     if closed:
         values[-1] = values[0]
@@ -111,7 +111,7 @@ def with_tips(
 
 
 def peaks(values: Array, level: float) -> list[int]:
-    """Indices of local maxima that may pass a level between samples."""
+    """Indices of local maxima that may exceed a level between samples."""
     left, here, right = values[:-2], values[1:-1], values[2:]
     with np.errstate(invalid='ignore'):
         reach = here + (here - np.minimum(left, right))
@@ -126,17 +126,17 @@ def _scaled(function: Callable[[Array], Array], factor: float) -> Callable[[Arra
 class ForceMinimum:
     """A local minimum of the magnitude of the force."""
 
-    angle: float  #: [rad] of the crank, in [0, 2 pi)
-    force: float  #: [N]
-    index: float  #: [rad/(N s)] rate of turn of the force over its magnitude
+    angle: float  #: crank angle [rad], in [0, 2 pi)
+    force: float  #: magnitude [N]
+    index: float  #: rate of the force's direction over its magnitude [rad/(N s)]
 
 
 class ForceRates(NamedTuple):
     """Force and its derivatives in time at N crank angles, each (2, N)."""
 
-    force: Array  #: [N]
-    first: Array  #: [N/s]
-    second: Array  #: [N/s^2]
+    force: Array  #: force [N]
+    first: Array  #: first derivative [N/s]
+    second: Array  #: second derivative [N/s^2]
 
     @property
     def magnitude(self) -> Array:
@@ -149,7 +149,7 @@ class ForceRates(NamedTuple):
         return cross(self.force, self.first)
 
     def turn(self) -> tuple[Array, Array]:
-        """Rates gamma' [rad/s] and gamma'' [rad/s^2], each (N,); not finite without a force."""
+        """Rates gamma' [rad/s] and gamma'' [rad/s^2], each (N,); not finite at zero force."""
         with np.errstate(divide='ignore', invalid='ignore'):
             square = (self.force**2).sum(axis=0)
             rate = self.swept / square
@@ -165,8 +165,8 @@ class ForceCycle:
 
     Attributes
     ----------
-    curve : the two components [N]
-    speed : of the crank [rad/s], with its sign
+    curve : Fourier series of the two components [N]
+    speed : speed of the crank [rad/s], with its sign
     resolution : number of points in a turn that show every swing of the force
     """
 
@@ -178,13 +178,13 @@ class ForceCycle:
     def resolved(
         cls, force: Callable[[Array], Array], speed: float, what: str = 'the force'
     ) -> ForceCycle:
-        """A force known at every crank angle: as a Fourier series resolved to rounding.
+        """A force as a function of the crank angle: a Fourier series resolved to rounding.
 
         Parameters
         ----------
         force : components (2, N) [N] at crank angles (N,) [rad], of period 2 pi
-        speed : of the crank [rad/s], with its sign
-        what : as of `resolve`
+        speed : speed of the crank [rad/s], with its sign
+        what : name of the function, as for `resolve`
         """
         series = resolve(force, what)
         points = max(360, 16 * series.order.size)
@@ -198,7 +198,7 @@ class ForceCycle:
     ) -> ForceCycle:
         """The force in a joint of an ideal four-bar at constant speed of the crank [rad/s].
 
-        It is that of the first-named on the second-named link of the joint.
+        It is the force of the first on the second link of the joint.
         """
         index = [j.name for j in dynamics.mechanism.joints].index(joint)
         order = [loop.links.index(c) for c in dynamics.mechanism.coordinates]
@@ -221,7 +221,7 @@ class ForceCycle:
         return length(self.curve(angle, 0))
 
     def index(self, angle: Array) -> Array:
-        """Rate of turn of the force over its magnitude, |gamma'|/R (N,) [rad/(N s)]."""
+        """Rate of the force's direction over its magnitude, |gamma'|/R (N,) [rad/(N s)]."""
         rates = self.rates(angle)
         force = rates.magnitude
         with np.errstate(divide='ignore', invalid='ignore'):
@@ -231,7 +231,7 @@ class ForceCycle:
     def minima(self) -> tuple[ForceMinimum, ...]:
         """Local minima of the magnitude in the order of the crank angle.
 
-        Where the magnitude does not change at all, the one at which the force turns fastest.
+        For a constant magnitude, the angle at which the force rotates fastest.
         """
         places = self._stationary(rising=True)
         if not places:
@@ -240,7 +240,7 @@ class ForceCycle:
             places = [tip(self.index, self.grid[i] - step, self.grid[i] + step)[0]]
         x = np.array(sorted(angle % TURN for angle in places))
         rates = self.rates(x)
-        # Force and its derivative are square to each other here, so that gamma' = |F'|/R.
+        # Force and its derivative are orthogonal here, so that gamma' = |F'|/R.
         with np.errstate(divide='ignore'):
             index = length(rates.first) / rates.magnitude**2
         rows = np.array([x, rates.magnitude, index]).T.tolist()
@@ -264,14 +264,14 @@ class ForceCycle:
 
     @property
     def grid(self) -> Array:
-        """Crank angles [rad] over a turn, the end of it included, that show every swing."""
-        # Off the symmetric places, where roots like to be.
+        """Crank angles [rad] over a turn, its end included, that resolve every oscillation."""
+        # Off symmetric angles, where roots are frequent.
         n = self.resolution
         return np.asarray((np.arange(n + 1) + 0.382) * (TURN / n), dtype=np.float64)
 
     @cached_property
     def _mesh(self) -> Array:
-        """The grid, finer and finer towards the minima, where the direction may turn quickly."""
+        """The grid, refined towards the minima, where the direction may change fast."""
         grid = self.grid
         near = (TURN / self.resolution) * 0.5 ** np.arange(36)
         close = np.concatenate([near, -near, [0.0]])
@@ -280,7 +280,7 @@ class ForceCycle:
         return np.unique(np.concatenate([grid, inner[inner < grid[-1]]]))
 
     def _stationary(self, *, rising: bool) -> list[float]:
-        """Angles where the slope of the magnitude passes zero, rising or falling."""
+        """Angles of rising or falling zeros of the magnitude's slope."""
         sign = 1.0 if rising else -1.0
 
         def slope(angle: Array) -> Array:
@@ -299,7 +299,7 @@ class ForceCycle:
         return [root(slope, x[i], x[i + 1]) for i in passed]
 
     def spans(self, function: Callable[[Array], Array]) -> list[tuple[float, float]]:
-        """Spans of crank angle [rad], begin and end in [0, 2 pi), where a function is positive."""
+        """Spans of crank angle [rad], begin and end in [0, 2 pi), with positive values."""
         x, values = with_tips(function, self._mesh)
         above = values > 0.0
         begins = [root(function, x[i], x[i + 1]) for i in np.flatnonzero(~above[:-1] & above[1:])]
@@ -314,7 +314,7 @@ class ForceCycle:
         i = int(values.argmax())
         best = float(x[i]), float(values[i])
         if math.isfinite(best[1]):
-            # With one more place at both ends every maximum on the circle is an inner one.
+            # With one more angle at both ends every maximum on the circle is an inner one.
             x = np.concatenate([[x[-2] - TURN], x, [x[1] + TURN]])
             values = np.concatenate([values[-2:-1], values, values[1:2]])
             for i in peaks(values, best[1]):

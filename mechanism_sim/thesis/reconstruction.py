@@ -4,7 +4,7 @@ Readings are in the direction `across` of a scene's sensors: along v(angle) = (-
 counterclockwise. Arrays are (N,) over time, SI units and radians.
 
 Noise fading: amplitudes of a signal weighted by frequency, by FFT and back. A weight is a function
-of frequency, real to attenuate, complex to invert an instrument; `both` multiplies weights.
+of frequency, real for attenuation, complex for inverting an instrument; `both` multiplies weights.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ def angular_acceleration(
     ----------
     reading : (N,) [m/s^2]
     at : distance of the sensor from the joint [m]
-    angle : of the link [rad]: the ideal mechanism's as in [SB], or better
-    joint : (2, N) acceleration of the joint that the distance counts from; at rest if not given
-    gravity : of the world, for instruments that read acceleration less gravity; else 0
+    angle : angle of the link [rad]: that of the ideal mechanism as in [SB], or better
+    joint : (2, N) acceleration of the joint from which `at` counts [m/s^2]; default: at rest
+    gravity : gravity [m/s^2] for instruments that read acceleration minus gravity; else 0
     """
     if at == 0.0:
         raise InputError('a sensor in the joint of its link does not sense its rotation')
@@ -71,15 +71,15 @@ def angular_acceleration(
 
 
 def by_two(first: Array, second: Array, at_first: float, at_second: float) -> Array:
-    """Angular acceleration (N,) [rad/s^2] of a link from two sensors on it, both across it.
+    """Angular acceleration (N,) [rad/s^2] of a link from two transverse sensors on it.
 
-    What they share, the motion of the joint and gravity, drops out: neither the crank nor the
-    angle of the link need be known.
+    The common terms, motion of the joint and gravity, cancel: neither the crank nor the
+    angle of the link is needed.
 
     Parameters
     ----------
     first, second : readings (N,) [m/s^2]
-    at_first, at_second : where they sit [m], on one line through the joint
+    at_first, at_second : distances from the joint [m], on a line through it
     """
     if at_first == at_second:
         raise InputError('two sensors at the same place of a link give no angular acceleration')
@@ -89,17 +89,17 @@ def by_two(first: Array, second: Array, at_first: float, at_second: float) -> Ar
 def by_trapezoids(rate: Array, sample_rate: float, start: float = 0.0) -> Array:
     """Integral (N,) of samples by the trapezoidal rule ([SB] eq. 7.2.1-8) from a value `start`.
 
-    It drifts: an offset of the samples grows with time, and noise makes a random walk.
+    It drifts: an offset of the samples increases with time, and noise makes a random walk.
     """
     return np.asarray(start + integrate.cumulative_trapezoid(rate, dx=1 / sample_rate, initial=0))
 
 
 def by_whole_cycles(rate: Array, sample_rate: float, mean: float = 0.0) -> Array:
-    """Integral of a record of whole cycles of a motion that repeats: (N,).
+    """Integral (N,) of a record of whole cycles of a periodic motion.
 
-    An angular velocity that comes back to where it was has a derivative whose mean is zero, so
-    the mean is taken off beforehand. The constant follows from the mean of the velocity: zero for
-    a link that rocks.
+    The derivative of a periodic angular velocity has zero mean, so
+    the mean is removed beforehand. The constant follows from the mean of the velocity: zero for
+    a rocking link.
     """
     found = by_trapezoids(rate - rate.mean(), sample_rate)
     return np.asarray(found - found.mean() + mean)
@@ -112,8 +112,8 @@ def by_spectrum(rate: Array, sample_rate: float, low: float = 0.0, mean: float =
 
     Parameters
     ----------
-    low : [Hz] below which frequencies are left out: what drifts
-    mean : of the result
+    low : lower limit of frequencies [Hz], against drift
+    mean : mean of the result
     """
     f = np.fft.rfftfreq(len(rate), 1.0 / sample_rate)
     spectrum = np.fft.rfft(rate)
@@ -128,13 +128,13 @@ def by_filter(
 ) -> Array:
     """Integral by trapezoids and a Butterworth high-pass run forward and backward: (N,).
 
-    For records that are no whole cycles. Running it both ways cancels its phase and squares its
+    For records that are not whole cycles. Both directions together cancel its phase and square its
     gain; within a few periods of `low` from both ends it is less exact.
 
     Parameters
     ----------
     low : corner frequency [Hz], well below that of the crank
-    order : of the filter in each direction
+    order : order of the filter in each direction
     """
     if not 0.0 < low < 0.5 * sample_rate:
         raise InputError(
@@ -154,8 +154,8 @@ class Error(NamedTuple):
 
     Attributes
     ----------
-    rms, largest : of the difference, in the unit of the signals
-    relative : rms over that of the truth
+    rms, largest : of the error, in the unit of the signals
+    relative : rms of the error over that of the truth
     """
 
     rms: float
@@ -176,11 +176,11 @@ def band_pass(low: float, high: float, edge: float = 0.0) -> Weight:
 
     Parameters
     ----------
-    edge : [Hz] width, outside of the band, of edges that fall as half a cosine; 0: abruptly
+    edge : width [Hz] of half-cosine edges outside of the band; 0 for abrupt ones
     """
 
     def weight(f: Array) -> Array:
-        # a limit belongs to the band but for rounding
+        # limits belong to the band, up to rounding
         outside = np.maximum(np.maximum(low - f, f - high), 0.0)
         outside[outside <= 1e-9 * np.abs(f).max(initial=0.0)] = 0.0
         if edge <= 0.0:
@@ -193,7 +193,7 @@ def band_pass(low: float, high: float, edge: float = 0.0) -> Weight:
 def invert(transfer: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]) -> Weight:
     """The reciprocal of an instrument's transfer function of s; zero where that is zero.
 
-    It takes gain and delay out of a signal, and amplifies noise where the instrument is
+    It removes gain and delay from a signal, and amplifies noise where the instrument is
     insensitive: to be combined with a band in which it is sensitive.
     """
 
@@ -210,17 +210,17 @@ def both(*weights: Weight) -> Weight:
 
 
 def fade(samples: Array, sample_rate: float, weight: Weight, length: int | None = None) -> Array:
-    """Samples (N,) whose amplitudes have been weighted by frequency.
+    """Samples (N,) with amplitudes weighted by frequency.
 
-    Under a rectangular window: the record in one piece, or in pieces of `length` samples side by
-    side, as [SB] 7.2. [SB] says that the noise this window adds is offset on the way back. That
-    holds as long as nothing is faded: a tone between two frequencies of the transform is smeared
-    over all of them, and what has been smeared into the band stays.
+    Under a rectangular window: the whole record, or adjacent parts of `length` samples,
+    as in [SB] 7.2. [SB] states that the noise of this window is cancelled by the inverse. That
+    holds without fading only: a tone between two frequencies of the transform leaks
+    into all of them, and leakage into the band remains.
 
     Parameters
     ----------
     sample_rate : [Hz]
-    weight : of amplitudes by frequency
+    weight : weight of amplitudes by frequency
     """
     count = len(samples)
     size = length or count

@@ -1,4 +1,4 @@
-"""Trial and error over the start angle ([SB] 6.1): how long a seated pin follows."""
+"""Search over the start angle ([SB] 6.1) for the longest contact after a seated start."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class StartAngle:
 
     Attributes
     ----------
-    angle : of the crank [rad]
-    followed : revolutions until contact was first lost in any joint; infinite if it was kept
-    impacts : in all revolutions
+    angle : crank angle at the start [rad]
+    followed : revolutions until the first loss of contact in any joint; infinite without loss
+    impacts : number of impacts in all revolutions
     sense : 1 if the crank turns counterclockwise, -1 if clockwise
     """
 
@@ -55,7 +55,7 @@ def starts(
     workers: Workers | None = None,
     show: Show | None = None,
 ) -> list[StartAngle]:
-    """Seated starts at so many crank angles around the turn, in the order of the angles."""
+    """Seated starts at equidistant crank angles over the turn, in the order of the angles."""
     validate_loose(machine, 'start angles need')
     if angles < 1:
         raise InputError('at least one start angle is needed')
@@ -86,7 +86,7 @@ def _follow(name: str, scene: Scene, revolutions: float) -> Row:
 
 
 def _begins_apart(machine: Machine, changes: Sequence[ModeChange]) -> bool:
-    """True if the forces of a start leave a joint without any contact; stops may be open."""
+    """True if a joint other than a stop has no contact under the forces at the start."""
     gaps = machine.equations.system.gaps
     joints = {gap.name: gap.joint for gap in gaps if not isinstance(gap, MotionBound)}
     begun = [x for x in changes if x.previous == Mode.UNKNOWN and x.joint in joints]
@@ -95,7 +95,7 @@ def _begins_apart(machine: Machine, changes: Sequence[ModeChange]) -> bool:
 
 
 def render(found: Sequence[StartAngle]) -> str:
-    """Start angles for people, the best ones named."""
+    """Start angles as text, with the best ones."""
     rows = []
     for s in found:
         kept = math.isinf(s.followed)

@@ -1,6 +1,6 @@
-"""A link of a measured four-bar: readings, what is rebuilt of them as [SB] 7.2, and what is true.
+"""A link of a measured four-bar: readings, reconstructions as in [SB] 7.2, and true motion.
 
-The signals follow from the motion, exactly, through the chain that the scene gives the sensors.
+Signals follow exactly from the motion through the sensors' measurement chain of the scene.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mechanism_sim.thesis.reconstruction import Error, band_pass, both, error, f
 from mechanism_sim.vibration.shaken_frame import VelocitySteps
 
 LINKS = 'coupler', 'rocker'
-_TOP = 0.45  # of the sampling rate: above, nothing is worth keeping
+_TOP = 0.45  # upper band limit, as a share of the sampling rate
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""
 _SEGMENTS = 2048
@@ -36,11 +36,11 @@ _SEGMENTS = 2048
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """A reconstruction of a quantity (N,), and the best that could have come of the instrument.
+    """A reconstruction of a quantity (N,), and the best possible one of the instrument.
 
     Attributes
     ----------
-    shown : (N,) the true quantity through the same chain without noise, and treated likewise
+    shown : (N,) true quantity through the same chain without noise, processed in the same way
     """
 
     values: Array
@@ -49,26 +49,26 @@ class Reconstruction:
 
     @property
     def error(self) -> Error:
-        """Against the truth."""
+        """Error relative to the truth."""
         return error(self.values, self.truth)
 
     @property
     def error_of_shown(self) -> Error:
-        """Against what the instrument could show at all."""
+        """Error relative to the best possible reconstruction."""
         return error(self.values, self.shown)
 
 
 class Rebuilt:
-    """The methods on one link.
+    """Methods of reconstruction for a link.
 
     Parameters
     ----------
     linkage : the mechanism without clearance
     link : one of `LINKS`
-    at : places of one or two sensors across it, from its joint [m]
-    gravity : that the sensors feel [m/s^2]
-    instrument : the chain of both, without noise
-    angle, speed : of crank, coupler and rocker of the mechanism without clearance (3, N)
+    at : distances of one or two transverse sensors from its joint [m]
+    gravity : gravity in the sensors' readings (2,) [m/s^2]
+    instrument : chain of both sensors, without noise
+    angle, speed : (3, N) of crank, coupler and rocker without clearance [rad, rad/s]
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Rebuilt:
     def velocities(
         self, accelerations: Mapping[str, Reconstruction], nominal: Array, truth: Array
     ) -> dict[str, Reconstruction]:
-        """Angular velocities [rad/s] by method, from the angular acceleration of another."""
+        """Angular velocities [rad/s] by method, from angular accelerations."""
         thesis = accelerations['thesis']
         best = accelerations.get('two, undone', accelerations['undone'])
         rate, low, mean = self._rate, 0.5 * self._crank, float(nominal.mean())
@@ -151,37 +151,37 @@ class Rebuilt:
         }
 
     def _one(self, reading: Array, weighed: bool) -> Array:
-        """Angular acceleration by the outermost sensor, as [SB]; without gravity if `weighed`."""
+        """Angular acceleration by the outermost sensor ([SB]); without gravity if `weighed`."""
         gravity = self._gravity if weighed else (0.0, 0.0)
         return angular.angular_acceleration(
             reading, self._at[0], self._angle, self._joint, gravity
         )
 
     def _turn_by_turn(self, values: Array) -> Array:
-        """Faded above the band under a rectangular window of one turn, as [SB]."""
+        """Values low-pass filtered under a rectangular window of one turn, as in [SB]."""
         return fade(values, self._rate, band_pass(0.0, self._top), self._turn)
 
     def _undone(self, values: Array) -> Array:
-        """Gain and delay of the instrument taken out of the whole record."""
+        """Values of the whole record with the instrument's gain and delay inverted."""
         return fade(values, self._rate, self._undo)
 
 
 def _swinging(acceleration: Array) -> Array:
-    """The mean taken off: that of a link that rocks is zero, and no such chain passes it."""
+    """Acceleration without its mean, which is zero for a rocking link and not measured."""
     return np.asarray(acceleration - acceleration.mean())
 
 
 class Severity(NamedTuple):
     """Roots of the mean squares of the deviation of an angular acceleration from the ideal one.
 
-    An impact is too short to be seen at any instant, and infinite. What is drawn of it is a mean
-    over some step, the larger the smaller the step, or what a filter makes of it.
+    An impact has no duration and an infinite acceleration. Charts show its mean over
+    a step, which increases as the step decreases, or the response of a filter.
 
     Attributes
     ----------
-    between : impacts, at the instants of the samples [rad/s^2]
-    by_mesh : of means over the steps `MESHES` of the crank, impacts included
-    heard : as the chain shows it, without noise
+    between : at the instants of samples, without impacts [rad/s^2]
+    by_mesh : for means over the steps `MESHES` of the crank, impacts included [rad/s^2]
+    heard : at the output of the chain, without noise [rad/s^2]
     """
 
     between: float
@@ -195,15 +195,15 @@ class LinkMotion:
 
     Attributes
     ----------
-    t : [s]
-    angle : of the crank [deg], from the first of these turns on
-    reading : what the outermost sensor says [m/s^2]
-    overloads : samples of all sensors of the link, from the start of the run, cut at the range
-    nominal : acceleration and velocity (2, N) of the ideal mechanism [rad/s^2, rad/s]
-    heard : true acceleration through the chain, without noise
-    accelerations, velocities : by method
-    severity : in these turns
-    severity_at_first : in the first turn with an impact and the three that follow
+    t : times [s]
+    angle : crank angle [deg], from the first of these turns
+    reading : reading of the outermost sensor [m/s^2]
+    overloads : number of clipped samples of all sensors of the link, from the start of the run
+    nominal : (2, N) acceleration and velocity of the ideal mechanism [rad/s^2, rad/s]
+    heard : (N,) true acceleration through the chain, without noise [rad/s^2]
+    accelerations, velocities : reconstructions by method [rad/s^2, rad/s]
+    severity : severity in these turns
+    severity_at_first : severity in the first turns from the first impact
     """
 
     t: Array
@@ -219,10 +219,10 @@ class LinkMotion:
 
 
 def sensors_across(machine: Machine, link: str) -> dict[str, SensorPart]:
-    """Up to two sensors that read accelerations across a link, the outermost first.
+    """Up to two sensors of transverse accelerations of a link, the outermost first.
 
-    Ideal sensors are taken only if there are no others; the second one has the rate of the first,
-    and feels gravity if that does.
+    Ideal sensors are used only if there are no others; the second one has the rate of the first,
+    and reads gravity if the first does.
     """
     across = {
         name: sensor
@@ -248,7 +248,7 @@ def sensors_across(machine: Machine, link: str) -> dict[str, SensorPart]:
 
 
 def _place_on(sensor: SensorPart) -> float:
-    """Distance from the joint [m]; 0 for a sensor beside the line of its link."""
+    """Distance of a sensor from the joint [m]; 0 if it is off the line of its link."""
     return 0.0 if isinstance(sensor.at, tuple) else float(sensor.at)
 
 
@@ -262,9 +262,9 @@ def swings(
 
     Parameters
     ----------
-    nominal : of a link, the samples of its angular acceleration in the ideal mechanism by an
-        instrument, from the start of the run on
-    turns, first : from and up to which turn: to be analysed, and the first with impacts
+    nominal : function of link and instrument: samples of the ideal angular acceleration
+        from the start of the run
+    turns, first : first turn and end of the analysed turns, and of the first ones with impacts
     """
     rows = [record.machine.physics.coordinates.index(link) for link in LINKS]
     late, early = (_deviations(record, rows, within) for within in (turns, first))
@@ -305,11 +305,11 @@ def has_high_pass(machine: Machine) -> bool:
 def under_limit(
     record: Record, turns: tuple[int, int], high_pass: float
 ) -> dict[str, tuple[Mapping[str, Reconstruction], Mapping[str, Reconstruction]]]:
-    """Accelerations and velocities by link and method, had the amplifiers another lower limit.
+    """Accelerations and velocities by link and method, for another lower limit of amplifiers.
 
     Parameters
     ----------
-    high_pass : corner of their high-pass [Hz]
+    high_pass : corner frequency of their high-pass [Hz]
     """
     return {
         link: _rebuild(record, link, _signals(record, link, turns, high_pass))[2:]
@@ -322,12 +322,12 @@ class _Signals(NamedTuple):
 
     Attributes
     ----------
-    bare : the chain of the outermost, without noise
-    places : from the joint of the link [m], the outermost first
-    chosen : numbers of the samples in the turns asked for
-    readings : these samples
-    overloads : of all samples
-    heard : the true angular acceleration through `bare`, from the start of the run
+    bare : chain of the outermost sensor, without noise
+    places : distances from the joint of the link [m], the outermost first
+    chosen : indices of the samples in the requested turns
+    readings : these samples of each sensor
+    overloads : number of clipped samples among all
+    heard : true angular acceleration through `bare`, from the start of the run
     """
 
     bare: Instrument
@@ -376,7 +376,7 @@ def _rebuild(
 ) -> tuple[Array, Array, Mapping[str, Reconstruction], Mapping[str, Reconstruction]]:
     """Reconstructions from the signals: accelerations and velocities by method.
 
-    Before them the angle of the crank [deg], from the first of the turns on, and the ideal
+    Before them the crank angle [deg], from the first of the turns, and the ideal
     mechanism's acceleration and velocity of the link (2, N).
     """
     machine, curve = record.machine, record.piece.motion.curve
@@ -397,7 +397,7 @@ def _rebuild(
 
 
 def _samples(record: Record, turns: tuple[int, int], instrument: Instrument) -> NDArray[np.intp]:
-    """Numbers of the samples in some turns of the crank."""
+    """Indices of the samples in some turns of the crank."""
     window = record.times_at(np.array(turns, float))
     return np.arange(*np.ceil(window * instrument.sample_rate - 1e-9).astype(int))
 
@@ -413,7 +413,7 @@ def _deviations(
 ) -> list[tuple[float, ...]]:
     """Deviations (per row) of means over the steps `MESHES` in some turns [rad/s^2].
 
-    The finest steps are evaluated; coarser ones are made of them.
+    The finest steps are evaluated; coarser ones are sums of these.
     """
     finest = min(MESHES)
     t = steps(record, turns, finest)
@@ -427,7 +427,7 @@ def _deviations(
 
 
 def _beyond_ideal(record: Record, rows: list[int], t: Array, derivative: int) -> Array:
-    """Angular velocity (1) or acceleration (2) of links (rows, N) less that of the ideal ones."""
+    """Deviation of angular velocity (1) or acceleration (2) of links (rows, N) from the ideal."""
     curve = record.piece.motion.curve
     k, dt = curve.find(t)
     q, v = (curve.at(k, dt, d).T for d in (0, 1))
@@ -443,21 +443,21 @@ def _rms(x: Array) -> float:
 def all_samples(
     mount: SensorSource, instrument: Instrument, name: str, motion: Motion
 ) -> tuple[Array, int]:
-    """All samples of an instrument, from the start of the motion on, and how many were cut."""
+    """All samples of an instrument from the start of the motion, and the number clipped."""
     channel = Channel(mount, replace(instrument, trigger=None), name)
-    for part in motion.parts(_SEGMENTS):  # samples do not depend on how a motion is cut
+    for part in motion.parts(_SEGMENTS):  # samples do not depend on the parts
         channel.take(part)
     blocks = channel.blocks(final=True)
     return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)
 
 
 class TurningLink(DirectSource):
-    """A source as `mechanism_sim.sensing.channel.Channel` takes it: exact, impacts included.
+    """Exact source, impacts included, for `mechanism_sim.sensing.channel.Channel`.
 
     Parameters
     ----------
     mechanism : the machine
-    link : one of its links that turns
+    link : one of its rotating links
 
     Raises
     ------
@@ -474,5 +474,5 @@ class TurningLink(DirectSource):
         return np.asarray(motion.curve.local(segments, dt, 2).T[self._index][None])
 
     def impulses(self, motion: Motion) -> Array:
-        """Steps of the angular velocity (m, 1) [rad/s] where the m pieces begin that follow."""
+        """Steps (m, 1) [rad/s] of the angular velocity at the starts of the m following pieces."""
         return np.asarray(self._steps(motion.curve)[self._index][:, None])

@@ -123,7 +123,7 @@ class Shaking:
     Parameters
     ----------
     frame : with n degrees of freedom
-    forces : of the machine on it
+    forces : forces of the machine on it
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ class ShakenFrame:
     Parameters
     ----------
     frame : with n degrees of freedom
-    forces : of the machine on it
+    forces : forces of the machine on it
     """
 
     def __init__(self, frame: Frame, forces: Forces) -> None:

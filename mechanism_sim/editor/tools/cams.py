@@ -64,7 +64,7 @@ def _cam(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
 
 
 def _sliding_cam(sketch: Sketch, cam: Way, end: Spot) -> list[Edit]:
-    """A valley between two slopes, and a roller in it that slides across the way of the cam."""
+    """A valley between two slopes, and a roller in it that slides across the cam's motion."""
     (u, v), (x, y) = cam.at, sketch.where(end)
     x, y = rotate((x - u, y - v), -cam.axis)
     apart = abs(y)

@@ -1,4 +1,4 @@
-"""Tools for what moves a machine: drives at constant speed, motors, cylinders."""
+"""Tools for drives at constant speed, motors and cylinders."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Without its own inertia it would turn links of grams, and slip within microsecon
 
 
 def _driven(sketch: Sketch, start: Spot) -> tuple[str, bool]:
-    """The link on which a drive is put, and whether that slides."""
+    """The link on which a drive is put, and True if that slides."""
     link = start.moving
     if not link:
         raise InputError('a drive is put on a link that turns or slides: press on it')

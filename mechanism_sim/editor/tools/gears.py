@@ -1,4 +1,4 @@
-"""Tools for what couples links that turn: gears, belts, ratios, bevel and worm gears."""
+"""Tools for couplings of rotating links: gears, belts, ratios, bevel and worm gears."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _gears(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     one, two = sketch.shafts(start, end, 'wheel', 'a pair of gears')
     apart = math.dist(one.at, two.at)
     (a, z, m), (b, n, k) = (_fixed(sketch, shaft) for shaft in (one, two))
-    if a or b:  # the other has as many teeth as the distance leaves
+    if a or b:  # the distance of the centres gives the teeth of the other
         module = m or k
         more = 2.0 * apart / module - (z or n)
         if (a and b) or more < 3.0 or abs(more - round(more)) > 1e-7 * apart / module:
@@ -56,7 +56,7 @@ def _fixed(sketch: Sketch, shaft: Shaft) -> tuple[str, int, float]:
 
 
 def _refit(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
-    """The module that the distance of the centres asks for, unless that is to leave play."""
+    """The module that fits the distance of the centres, unless that is to leave backlash."""
     scene = sketch.scene
     one, two = (scene.gears.get(gear) for gear in joint.points)
     if one is None or two is None or (joint.backlash and joint.backlash.width is None):
@@ -130,9 +130,9 @@ def _between(kind: str, stem: str, keys: Callable[[Sketch, Shaft, Shaft], dict[s
 
     Parameters
     ----------
-    kind : of the joint
-    stem : of the names of links that are made
-    keys : of the joint beside what it connects
+    kind : kind of the joint
+    stem : stem of the names of new links
+    keys : further keys of the joint, from both links
     """
 
     def draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:

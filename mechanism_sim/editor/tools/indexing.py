@@ -1,4 +1,4 @@
-"""Tools for what a crank moves step by step: Geneva wheels and slotted racks."""
+"""Tools for indexing mechanisms of a crank: Geneva wheels and slotted racks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mechanism_sim.scene.schema import JointPart
 
 
 def _crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Shaft]:
-    """The pin of a crank, where it is [m], and where the crank turns."""
+    """The pin of a crank, its position [m], and that of the crank's pivot."""
     pin, at = sketch.on_link(start, f'the pin of {what} is')[0], sketch.where(start)
     shaft = sketch.pivot(pin.partition('.')[0])
     if start.handle is None or shaft is None or math.dist(shaft.at, at) < 1e-9:
@@ -24,7 +24,7 @@ def _crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Sha
 
 
 def _refit_geneva(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
-    """The crank's length that the distance of the centres asks for."""
+    """The crank's length that fits the distance of the centres."""
     pin, wheel = joint.points
     crank, _, end = pin.partition('.')
     one, two = sketch.pivot(crank), sketch.pivot(wheel.partition('.')[0])
@@ -38,7 +38,7 @@ def _refit_geneva(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
 
 
 def _geneva(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A wheel whose centre is as far away as its slots, nearest to the place, ask for."""
+    """A wheel whose number of slots fits its centre distance best."""
     pin, at, shaft = _crank_of(sketch, start, 'a Geneva wheel')
     (x, y), (u, v) = shaft.at, sketch.where(end)
     radius, apart = math.dist(shaft.at, at), math.hypot(u - x, v - y)
@@ -78,7 +78,7 @@ register(
 
 
 def _refit_stepper(sketch: Sketch, name: str, joint: JointPart) -> list[Edit]:
-    """The pitch that the circle of the pin asks for."""
+    """The pitch that fits the circle of the pin."""
     pin = point(sketch.scene, joint.points[0])
     shaft = sketch.pivot(pin[0]) if pin else None
     if not (pin and shaft and joint.pitch):
@@ -101,7 +101,7 @@ def _stepper(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     rack = sketch.name('rack')
     base, edits = sketch.point(GROUND, b)
     slot = place(rotate((0.0, 0.5 * apart), axis), sketch.grid.step, sketch.grid.unit)
-    # in a slot on the right; else locked, where the pin will enter
+    # in a slot on the right; else locked, at the entry of the pin
     lies = Edit(('guess', rack), sketch.long(along if aside < 0.0 else -radius))
     link = sketch.link(rack)
     return [

@@ -90,7 +90,7 @@ def _guide(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     (joint,) = sketch.guide(base, far, math.atan2(b[1] - a[1], b[0] - a[0]) - pose.angle)
     turned = sketch.poses[runner].angle - pose.angle
     joint.value['angle'] = degrees(turned, 6)
-    known = runner in sketch.scene.rough  # which may be an angle no more
+    known = runner in sketch.scene.rough  # may no longer be an angle
     return [joint, *edits, *([Edit(('guess', runner), GONE)] if known else [])]
 
 
@@ -163,7 +163,7 @@ register(
 
 
 def _round_axis(a: Vector2, b: Vector2) -> float:
-    """The direction from one place to another, to a whole degree [rad]."""
+    """The direction from one position to another, to a whole degree [rad]."""
     return math.radians(round(math.degrees(math.atan2(b[1] - a[1], b[0] - a[0]))))
 
 
@@ -190,7 +190,7 @@ register(
 
 
 def _stops(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
-    """Stops on both sides of where a pin or a guide is: 30 degrees, or a quarter of its way."""
+    """Stops on both sides of a pin or a guide: at 30 degrees, or a quarter of its travel."""
     name = start.handle.key if start.handle and start.handle.joint else ''
     way = sketch.sliding(start)
     if way and (not name or sketch.scene.joints[name].kind != 'prismatic'):

@@ -21,7 +21,7 @@ def _on_link(
 
     Parameters
     ----------
-    seat : whether it is at a ``point``, or some way ``along`` an elastic link; else on all of it
+    seat : ``point`` of a link, or ``along`` an elastic link; else the whole link
     """
 
     def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
@@ -47,7 +47,7 @@ def _in_joint(
     values: Mapping[str, Any],
     play: Mapping[str, Any] | None = None,
 ) -> Tool:
-    """Tool that puts a sensor into a joint, with some of its keys; `play` if it must be loose."""
+    """Tool that puts a sensor with some keys into a joint, and `play` if the pin has none."""
 
     def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
         if start.handle is None or not start.handle.joint:

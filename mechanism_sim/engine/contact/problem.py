@@ -248,7 +248,7 @@ def enter(
     ----------
     impulse : normal and tangential [N s]
     before, after : (2,) normal and tangential rate [m/s]
-    stop : whether the impact ends a chatter sequence
+    stop : True if the impact ends a chatter sequence
     """
     m, e, (p, q), drives = len(c.value), c.restitution[gap], impulse, now.drives
     given = work = 0.0
@@ -427,7 +427,7 @@ def book_rest(c: ContactProblem, limits: Limits, kept: Mask, drives: Array, row:
     ----------
     kept : (r,) rows that are kept at rest from now on
     drives : (p,) rates of the drives [rad/s]
-    row : of the log, changed in place
+    row : row of the log, changed in place
     """
     r, n = len(c.rate), 0
     rows = np.empty(r, dtype=np.int64)

@@ -55,7 +55,7 @@ class Distance:
     name : name of the joint
     beside : offset of the follower's point from its line through the camshaft, along y [m], for
         tilted faces
-    exact : whether D is of second order; only for rollers and laws without jumps of acceleration,
+    exact : True if D is of second order; only for rollers and laws without jumps of acceleration,
         which would make D jump where the roller is off the middle
     """
 

@@ -24,7 +24,7 @@ class CutAway:
     start, end : [rad], to the step of the search
     worst : angle of the deepest cut [rad]
     depth : largest depth of the cut [m]
-    reciprocating : whether the cam slides; angles are then displacements [m]
+    reciprocating : True if the cam slides; angles are then displacements [m]
     """
 
     start: float

@@ -129,7 +129,7 @@ class Segment:
     start, end : [rad], less than a turn apart; of a reciprocating cam [m]
     rise : [m] or [rad]; zero is a dwell
     curve : the normalised rise; a return runs it backwards
-    own : whether the curve is the displacement itself, over the angle [rad]
+    own : True if the curve is the displacement itself, over the angle [rad]
     """
 
     start: float

@@ -92,7 +92,7 @@ class Flaw:
     wall : side of the roller or face; only grooves have an outer wall
     start, end : cam angles between which the profile is cut away, to the distance of samples [rad]
     worst : cam angle of the worst point [rad]
-    reciprocating : whether the cam slides; all three are then in metres
+    reciprocating : True if the cam slides; all three are then in metres
     """
 
     kind: Literal['undercut', 'cusp']

@@ -87,7 +87,7 @@ class Gear:
     module : m [m]
     system : shape of the rack
     shift : profile shift outwards, in modules
-    internal : whether teeth point inwards
+    internal : True if teeth point inwards
     """
 
     teeth: int

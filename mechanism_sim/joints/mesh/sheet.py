@@ -166,7 +166,7 @@ def rack_outline(
     Parameters
     ----------
     at : of its first tooth, if it is turned about to face the y axis [m]
-    name : as of `gear_outline`
+    name : name, as for `gear_outline`
     """
     points = rack_teeth(teeth, module, system).T
     line = np.array([(0.0, 0.0), points[1, [0, -1]]])

@@ -21,7 +21,7 @@ from mechanism_sim.units import for_people, typeset
 Over = Literal['time', 'angle', 'frequency', 'polar', 'value', 'other']
 
 PANEL, SMALL, ROW = 1.9, 1.15, 0.28  #: heights of panels [in]: usual, one of several, of a band
-ROUND = 2.8  #: of round ones
+ROUND = 2.8  #: height of round ones
 
 DASHES: tuple[tuple[float, ...], ...] = (
     (), (3.7, 1.6), (6.4, 1.6, 1.0, 1.6), (1.0, 1.6), (5.0, 1.0), (2.0, 1.0), (3.0, 1.0, 1.0, 1.0),
@@ -106,7 +106,7 @@ class ChartCurve:
     marker : marker of the points, one of `MARKERS`
     low, error : (N,) lower edge of an area; half the height of bars of error
     when : (N,) times in the run [s], where x is another quantity
-    texts : texts beside the points; may be empty
+    texts : labels of the points; may be empty
     notes : hover texts of the points
     """
 
@@ -223,12 +223,12 @@ class Chart:
     Attributes
     ----------
     key : unique among all charts of a report
-    over : what is on the horizontal axes: of ``time`` it is the time of the run [s], of ``value``
-        that by which runs of a family differ
+    over : quantity of the horizontal axes: for ``time`` the time of the run [s], for ``value``
+        the varied value of a family of runs
     joint : the joint, sensor or part that it is about; empty if it is about several
     columns : panels side by side; panels above each other with the same x share it
-    width : [in] of a picture
-    note : below all panels
+    width : width of a picture [in]
+    note : text below all panels
     """
 
     key: str
@@ -270,7 +270,7 @@ class ChartSection:
 
     Attributes
     ----------
-    text : a sentence or two on what is to be seen; may be empty
+    text : one or two sentences on the charts; may be empty
     rows : a table beside the charts, line by line: what, and its value with its unit
     table : another one, of more columns, its head first
     """
@@ -315,6 +315,6 @@ def rim(curves: Sequence[ChartCurve]) -> float:
 
 
 def whole(count: float) -> float:
-    """Distance of ticks at whole numbers, along so many."""
+    """Distance of ticks at whole numbers, over a given number."""
     ten = 10.0 ** math.floor(math.log10(max(count / 8.0, 1.0)))
     return float(next(k * ten for k in (1, 2, 5, 10) if k * ten >= count / 8.0))

@@ -38,13 +38,13 @@ class ChartWindow:
 
     Parameters
     ----------
-    start, end : of the part [s]
+    start, end : start and end of the part [s]
     frames : quantities of frames on springs, all over the run
     again : turns of the drive over which there is a `reach`; 0 for none
 
     Attributes
     ----------
-    quantities : that are lines, by name
+    quantities : quantities drawn as lines, by name
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class ChartedRun:
 
     @property
     def long(self) -> bool:
-        """True if the run is so much longer than its detail that both are worth a chart."""
+        """True if the run is long enough for a chart besides that of its detail."""
         return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
 
     def windows(self, key: str) -> Iterator[tuple[ChartWindow, str, str]]:
@@ -235,7 +235,7 @@ def _last_turns(record: Record, skip: int) -> tuple[int, tuple[float, float] | N
             if last - first >= again:
                 return again, (max(first, last - shown), last)
         if end - begin >= again - 1e-9:  # nor is it where the drive slides: no number
-            with suppress(InputError):  # it may turn back on the way
+            with suppress(InputError):  # it may reverse meanwhile
                 record.times_at(np.array([end - again]))
                 return again, (end - again, end)
     return 1, None

@@ -51,7 +51,7 @@ def over_time(
     """Quantities in one unit over time: of all the run, or of a window of it."""
     window = window or charted.run
     if window is charted.run and charted.long:
-        # in a long run each covers what is drawn before it: the largest come first
+        # in a long run each covers earlier ones: the largest are drawn first
         names = sorted(names, key=lambda name: -np.abs(charted.run.lines[name].values).max())
     return _chart(charted, key, title, names, joint, window, OVER_TIME)
 

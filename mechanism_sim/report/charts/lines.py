@@ -51,8 +51,8 @@ TURNS = 3
 _BESIDE = 6  # panels above each other, more are in two columns
 _KINDS = 2  # quantities that an axis names
 _SLACK = 1e-7  # [deg]
-_WHOLE = 0.97  # of a turn that counts as one
-_MARKS = 1500  # places along a panel at which impacts can be told apart
+_WHOLE = 0.97  # share of a turn that counts as a whole one
+_MARKS = 1500  # distinguishable positions of impacts along a panel
 _MANY = 40_000  # points of a line, more are thinned
 _ACROSS = {'x': 'y', 'y': 'x', 'along': 'across', 'across': 'along'}  # components of a vector
 _TRUE = 4.0  # [in] height of a path that is true to scale
@@ -63,7 +63,7 @@ class Abscissa(NamedTuple):
 
     Attributes
     ----------
-    span : of an angle, what is drawn of it [deg]: a turn, or as many as bring all again
+    span : drawn range of an angle [deg]: a turn, or a whole period in turns
     of : the quantity, where it is neither time nor the angle of the drive
     """
 
@@ -144,7 +144,7 @@ def colours(names: Iterable[str], numbers: Mapping[str, int]) -> Iterator[int]:
     Parameters
     ----------
     names : ``velocity.crank``, ``reaction.crank_coupler.x``
-    numbers : of links and joints
+    numbers : colour numbers of links and joints
     """
     others = count()
     for name in names:
@@ -160,9 +160,9 @@ def panels(
 
     Parameters
     ----------
-    numbers : of links and joints, for their colours
+    numbers : colour numbers of links and joints
     impact_times : (N,) times that are marked [s]
-    reach : by name places [deg], least and greatest values (3, N) there of all turns, SI
+    reach : (3, N) by name: angles [deg], least and greatest values there over all turns, SI
     """
     owners = {s.line: f'{s.name}.{s.of}' for s in series}
     shades = dict(zip(owners, colours(owners.values(), numbers), strict=True))
@@ -375,7 +375,7 @@ def chart(
 
     Parameters
     ----------
-    numbers : of links and joints, for their colours
+    numbers : colour numbers of links and joints
     impacts : (N,) times that are marked [s]
     """
     bands = [] if over.kind != 'time' else [s for s in series if s.name.startswith('mode.')]

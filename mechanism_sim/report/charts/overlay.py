@@ -19,13 +19,13 @@ from mechanism_sim.report.charts.chart import (
     Panel,
 )
 
-_DIFFERENCE = 0.6  # of the height of a panel is that of the differences below it
-_ALIKE = 1e-9  # of the largest value: a difference that is less is rounding
+_DIFFERENCE = 0.6  # height of differences, as a share of a panel's
+_ALIKE = 1e-9  # share of the largest value: smaller differences are rounding
 _LONG = 40  # letters of a cell
 _MAIN = '', 'strong', 'fine', 'wear'
 
 Runs = Sequence[tuple[int, str]]
-"""Numbers and names of runs that have something."""
+"""Numbers and names of runs with a quantity."""
 
 
 def overlaid(runs: Sequence[Sequence[ChartSection]], names: Sequence[str]) -> list[ChartSection]:
@@ -88,7 +88,7 @@ def _axes(chart: Chart) -> list[tuple[str, str, str]]:
 
 
 def _panels(same: Sequence[Panel], runs: Runs) -> Iterator[Panel]:
-    """The panels that stand for one: one for each quantity, with its differences; bands by run."""
+    """The panels in place of one: one for each quantity, with its differences; bands by run."""
     first = same[0]
     if first.y.names:
         for panel, (_, name) in zip(same, runs, strict=True):

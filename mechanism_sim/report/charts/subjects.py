@@ -43,7 +43,7 @@ _NUMBERED = 1, 10, 100, 1000
 _FREQUENCY = Axis('frequency', 'Hz')
 _DECADES = 1e-7  # below the highest line nothing is drawn
 _BLOCK = 2**16  # instants at once
-_MOST = 2**24  # instants beside those where steps meet
+_MOST = 2**24  # instants besides the ends of steps
 _TERMS = 'energy.kinetic', 'energy.potential', 'energy.drive_work', 'energy.dissipated'
 
 
@@ -75,7 +75,7 @@ def sections(record: Record, skip: int = 0) -> list[ChartSection]:
 
 
 def loads(charted: ChartedRun) -> ChartSection | None:
-    """Largest force in each joint, torque of the drive, and how long they last."""
+    """Largest force in each joint and torque of the drive, with durations."""
     record, run = charted.record, charted.run
     peaks = LoadPeaks(record.machine, charted.begin, shapes=True, bearings=True)
     peaks.add(record.piece.motion)

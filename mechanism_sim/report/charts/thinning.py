@@ -13,14 +13,14 @@ from mechanism_sim.arrays import Array
 
 MOST = 4000
 """Points that a line keeps: about two for every pixel across a wide page."""
-_LEAST, _FINE = 1e-9, 1e-3  # of levels: the lowest, and the logarithm from one to the next
-_PARTS = 4  # of the time from place to place
+_LEAST, _FINE = 1e-9, 1e-3  # lowest level, and logarithm of the ratio of levels
+_PARTS = 4  # parts of the time between positions
 
 
 class SampledLine(NamedTuple):
-    """Values (N,) at places (N,) that do not fall, such as times [s].
+    """Values (N,) at nondecreasing positions (N,), such as times [s].
 
-    A place may occur twice: before an event and after it.
+    A position may occur twice: before an event and after it.
     """
 
     at: Array
@@ -185,8 +185,8 @@ def thinned(blocks: Iterable[tuple[Array, Array]], count: int, span: tuple[float
 
     Parameters
     ----------
-    count : of all places together; if there are no more than `most`, all are kept
-    span : of the places, from and to
+    count : number of all positions; all are kept if not above `most`
+    span : range of the positions
     """
     found: Iterator[tuple[Array, Array]] = iter(blocks)
     if count <= most:
@@ -210,7 +210,7 @@ def thin(line: SampledLine, most: int = MOST) -> SampledLine:
 
 
 def tallest(at: Array, size: Array, bins: int) -> NDArray[np.intp]:
-    """Numbers of the items that are drawn of many: of each of so many bins the largest.
+    """Indices of the drawn items of many: the largest in each bin.
 
     Parameters
     ----------
