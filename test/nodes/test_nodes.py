@@ -260,7 +260,7 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
         '--record', str(bag), env=env,
     )  # fmt: skip
     pid = _wait_for_child(running, 'recorder')
-    wait_for_file(bag, 100_000, running)
+    wait_for_file(bag, 400_000, running)  # half a second of motion
     os.kill(pid, signal.SIGKILL)
     assert running.wait(TIMEOUT) == 1
     stderr = running.stderr.read() if running.stderr else ''
