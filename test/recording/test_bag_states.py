@@ -252,7 +252,8 @@ EXPECTED = {
 @pytest.mark.sample(5)
 @pytest.mark.parametrize('reader', READERS)
 @pytest.mark.parametrize('state', EXPECTED)
-def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path):
+def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where sounds are written
     path, expected = states[state], EXPECTED[state][reader]
     if reader == 'thesis experiment':
         (tmp_path / path.name).write_bytes(path.read_bytes())
