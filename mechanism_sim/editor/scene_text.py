@@ -8,6 +8,7 @@ at which PyYAML finds keys and values are replaced, and nothing else.
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -250,8 +251,6 @@ def _entry(key: str, value: Any, indent: int = 0) -> list[str]:
 
 def _block(value: str, width: int) -> list[str]:
     """Style and lines of a text in lines, or too long for one, as a block; else empty."""
-    import textwrap  # noqa: PLC0415 - seldom needed
-
     text = value.rstrip('\n')
     if '\n' in text:
         rows = text.split('\n')
