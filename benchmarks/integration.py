@@ -12,13 +12,11 @@ from scipy.integrate import solve_ivp
 from benchmarks.problem import Answer, Method, Outcome, Run, run_once
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.event_loop import EventLoop
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.scene import Machine
 
 
-def event_loop(
-    machine: Machine, end: float, answer: Callable[[Motion, list[Impact]], Answer]
-) -> Run:
+def event_loop(machine: Machine, end: float, answer: Callable[[Motion, Impacts], Answer]) -> Run:
     """The event loop of `simulate` from the start to `end` [s]; `answer` is not timed.
 
     Raises
@@ -44,7 +42,7 @@ def event_loop(
     return run
 
 
-def positions(end: float) -> Callable[[Motion, list[Impact]], Answer]:
+def positions(end: float) -> Callable[[Motion, Impacts], Answer]:
     """Function that takes the coordinates (n,) at the end [s] out of a motion."""
     return lambda motion, _: np.asarray(motion.curve(np.array([end]))[0])
 

@@ -24,7 +24,7 @@ from benchmarks.problem import (
 )
 from benchmarks.rattling import GEARS, VALVE, Rattling
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.scene import load_scene
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
@@ -33,7 +33,7 @@ TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 def ours(rattling: Rattling, rtol: float) -> Run:
     """The event loop of this package."""
 
-    def hard(_: Motion, impacts: list[Impact]) -> Answer:
+    def hard(_: Motion, impacts: Impacts) -> Answer:
         times, speeds = np.array([(i.t, i.approach_speed) for i in impacts]).T
         return rattling.hard(times, speeds)
 

@@ -7,7 +7,7 @@ whose gaps or energy are violated fails instead of ending with a number.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion, instants
-from mechanism_sim.engine.events import Impact, Mode, StopReason
+from mechanism_sim.engine.events import Impact, Impacts, Mode, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import Nodes
@@ -118,7 +118,7 @@ class Audit:
         self._segments = 0
         self._fastest = 0.0  # rate of any coordinate where segments begin or end [rad/s, m/s]
         self._initial: float | None = None
-        self._first: list[Impact] = []  # before the first segment
+        self._first = Impacts()  # before the first segment
         self._end: tuple[Motion, float] | None = None  # and what impacts make there [J]
         self._final: float | None = None  # [J] there, once it has been asked for
         self.drive_work = 0.0
@@ -149,8 +149,9 @@ class Audit:
             rounding,
         )
 
-    def add(self, motion: Motion, impacts: Sequence[Impact]) -> Work:
+    def add(self, motion: Motion, impacts: Iterable[Impact]) -> Work:
         """Enter a batch of m segments and the impacts at their ends; returns their shares."""
+        impacts = Impacts.of(impacts)
         look = partial(self._look, motion)
         if self._physics.has_forces:
             every = parts_of(motion.curve)
@@ -165,7 +166,7 @@ class Audit:
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
         self._physics.check_directions(motion)
-        by_impact = np.array([(i.drive_work, i.sudden_loss) for i in impacts]).reshape(-1, 2)
+        by_impact = impacts.exchange
         drive, lost = by_impact.sum(axis=0).tolist()
         self.drive_work += float(work.drive.sum()) + drive
         self.dissipated += float(work.friction.sum()) + lost
@@ -246,26 +247,26 @@ class Audit:
             at = float(motion.curve.start[segments[k // len(places)]])
             self.min_normal_force, self._pulled = least, (self._physics.clearances[gap], at)
 
-    def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
+    def _balance(self, motion: Motion, impacts: Impacts) -> None:
         if not len(motion):  # a batch may be no more than impacts between two segments
             if self._end is None:
-                self._first = [*self._first, *impacts]
+                self._first = Impacts.joined([self._first, impacts])
             elif impacts:
                 motion, made = self._end
-                made += sum(i.drive_work - i.sudden_loss for i in impacts)
-                self._end, self._final = (motion, made), None
+                self._end, self._final = (motion, made + _gain(impacts)), None
             return
         # an impact at the very end comes after the last segment
-        last = [i for i in impacts if i.t > motion.curve.start[-1]]
-        if not last and self._ends_in_no_time(motion):
-            last = [i for i in impacts if i.t == motion.curve.start[-1]]
-        made = sum(i.drive_work - i.sudden_loss for i in last)
+        t, start = impacts.column('t'), motion.curve.start
+        last = t > start[-1]
+        if not last.any() and self._ends_in_no_time(motion):
+            last = t == start[-1]
+        made = _gain(impacts.where(last))
         self._end, self._final = (motion, made), None
         if self._initial is None:
             # and one at the very start before the first; both ends are seen at once
-            first = [*self._first, *(i for i in impacts if i.t <= motion.curve.start[0])]
+            first = Impacts.joined([self._first, impacts.where(t <= start[0])])
             begun, ended = self._totals(motion, [0, -1])
-            self._initial = begun + sum(i.sudden_loss - i.drive_work for i in first)
+            self._initial = begun - _gain(first)
             self._final = ended + made
 
     def _ends_in_no_time(self, motion: Motion) -> bool:
@@ -316,6 +317,11 @@ class Audit:
             dt = motion.curve.duration[segments, None] * places
             low = min(low, float(self._physics.open_gaps(motion, segments, dt).min()))
         self.max_penetration = max(self.max_penetration, -low)
+
+
+def _gain(impacts: Impacts) -> float:
+    """Energy [J] of a machine that impacts make, the work of drives included."""
+    return float(sum((impacts.column('drive_work') - impacts.sudden_loss).tolist()))
 
 
 def recovers(motion: Motion, segments: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -6,18 +6,17 @@ import hashlib
 import struct
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impact, Impacts
 
 _BLOCK = 8192  # segments that are packed at once
 _LENGTH, _EIGHT = struct.Struct('<q'), struct.Struct('<8d')
-_NUMBERS = attrgetter(
+_NUMBERS = (
     't', 'normal_angle', 'approach_speed', 'rebound_speed', 'normal_impulse',
     'tangential_impulse', 'energy_loss', 'drive_impulse',
 )  # fmt: skip
@@ -45,7 +44,13 @@ class MotionDigest:
         for part in motion.parts(_BLOCK):
             c, modes = part.rows, part.modes
             self.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, modes)
-        self._impacts.update(b''.join([_packed(i.joint, _NUMBERS(i)) for i in impacts]))
+        known = Impacts.of(impacts)
+        names = [_named(joint) for joint in known.joints]
+        rows = np.stack([known.column(x) for x in _NUMBERS], axis=1).astype('<f8').tobytes()
+        size, parts = _EIGHT.size, list[bytes]()
+        for k, gap in enumerate(known.gaps.tolist()):
+            parts += names[gap], rows[k * size : (k + 1) * size]
+        self._impacts.update(b''.join(parts))
 
     def add_segments(
         self,
@@ -95,7 +100,7 @@ class MotionDigest:
                 Impact.
 
         """
-        self._impacts.update(_packed(joint, values))
+        self._impacts.update(_named(joint) + _EIGHT.pack(*values))
 
     def hexdigest(self) -> str:
         """Return the digest of what was added so far, as 64 hexadecimal digits."""
@@ -103,10 +108,10 @@ class MotionDigest:
         return hashlib.sha256(both).hexdigest()
 
 
-def _packed(joint: str, values: Sequence[float]) -> bytes:
-    """Bytes of an impact."""
+def _named(joint: str) -> bytes:
+    """Bytes of an impact's joint."""
     name = joint.encode()
-    return _LENGTH.pack(len(name)) + name + _EIGHT.pack(*values)
+    return _LENGTH.pack(len(name)) + name
 
 
 def _runs(values: NDArray[Any]) -> list[tuple[int, int]]:

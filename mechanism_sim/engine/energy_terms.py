@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.audit import Work, work_in
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impact, Impacts
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.numerics.quadrature import Parts
 
@@ -27,8 +27,7 @@ class EnergyTerms(NamedTuple):
     @property
     def after(self) -> tuple[float, float]:
         """Work of the drives and losses [J] since the start of the run, at the end."""
-        by_impact = np.array([(i.drive_work, i.sudden_loss) for i in self.impacts])
-        drive, lost = by_impact.reshape(-1, 2).sum(axis=0).tolist()
+        drive, lost = Impacts.of(self.impacts).exchange.sum(axis=0).tolist()
         drive += float(self.work.drive.sum())
         lost += float(self.work.friction.sum())
         return self.drive_work + drive, self.dissipated + lost
@@ -50,10 +49,11 @@ def energy_so_far(
         since = work_since_start(physics, motion, k, dt)
         work += np.concatenate([[0.0], np.cumsum(balance.work.drive)])[k] + since.drive
         lost += np.concatenate([[0.0], np.cumsum(balance.work.friction)])[k] + since.friction
-        began = motion.curve.begun_by([i.t for i in balance.impacts])
+        impacts = Impacts.of(balance.impacts)
+        began = motion.curve.begun_by(impacts.column('t'))
         passed = np.searchsorted(began, k, side='right')
-        work += np.cumsum([0.0, *(i.drive_work for i in balance.impacts)])[passed]
-        lost += np.cumsum([0.0, *(i.sudden_loss for i in balance.impacts)])[passed]
+        work += np.cumsum([0.0, *impacts.column('drive_work')])[passed]
+        lost += np.cumsum([0.0, *impacts.sudden_loss])[passed]
     return work, lost
 
 

@@ -26,7 +26,7 @@ from mechanism_sim.engine.contact_state import ContactState
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.engine.drive_laws import DriveLaws
-from mechanism_sim.engine.events import Impact, ModeChange, StopReason
+from mechanism_sim.engine.events import Impacts, ModeChange, StopReason
 from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.present_state import PresentState
 from mechanism_sim.engine.singular import SingularPositions
@@ -411,10 +411,10 @@ class EventLoop:
 
     # --- the solution -------------------------------------------------------------------------
 
-    def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
+    def drain(self) -> tuple[Motion, Impacts, list[ModeChange]]:
         """Motion and events since the last call."""
         impacts, changes = self._gaps.impacts.drain(), self._gaps.changes.drain()
         motion = self._output.drain()
         if self._touches:
-            impacts += self._touches.add(motion)
+            impacts = Impacts.joined([impacts, self._touches.add(motion)])
         return motion, impacts, changes

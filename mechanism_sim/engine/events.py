@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum, IntEnum
 from itertools import groupby
-from typing import NamedTuple
+from typing import NamedTuple, Self, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.problem import (
     FLIES,
     FOLLOWS,
@@ -94,6 +96,101 @@ class Impact(NamedTuple):
         return 0.0 if self.duration else self.energy_loss
 
 
+_FIELDS = {name: k for k, name in enumerate(Impact._fields)}
+_JOINT, _ENDS = _FIELDS['joint'], _FIELDS['ends_chatter']
+
+
+class Impacts(Sequence[Impact]):
+    """Impacts in the order of their events, as columns; an `Impact` is made when it is read.
+
+    Parameters
+    ----------
+    joints : names of joints
+    rows : (n, fields) of the impacts, as `Impact` has them; of the joint its index in `joints`
+    """
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, joints: Sequence[str] = (), rows: Array | None = None) -> None:
+        self.joints = tuple(joints)
+        self.rows = np.zeros((0, len(_FIELDS))) if rows is None else rows
+
+    @classmethod
+    def of(cls, impacts: Iterable[Impact]) -> Self:
+        """The impacts of a list, or these themselves."""
+        if isinstance(impacts, cls):
+            return impacts
+        found = [*impacts]
+        index = {name: k for k, name in enumerate(dict.fromkeys(i.joint for i in found))}
+        rows = [i._replace(joint=index[i.joint]) for i in found]  # type: ignore[arg-type]
+        return cls([*index], np.array(rows, float).reshape(-1, len(_FIELDS)))
+
+    @classmethod
+    def joined(cls, parts: Iterable[Iterable[Impact]]) -> Self:
+        """All impacts of several parts."""
+        known = [x for x in map(cls.of, parts) if len(x)]
+        if len(known) < 2:
+            return known[0] if known else cls()
+        joints = [*dict.fromkeys(name for x in known for name in x.joints)]
+        rows = np.concatenate([x.rows for x in known])
+        rows[:, _JOINT] = np.concatenate([
+            np.array([joints.index(name) for name in x.joints])[x.gaps] for x in known
+        ])  # fmt: skip
+        return cls(joints, rows)
+
+    @property
+    def gaps(self) -> NDArray[np.intp]:
+        """Index (n,) of the joint of each impact in `joints`."""
+        return self.rows[:, _JOINT].astype(np.intp)
+
+    def column(self, field: str) -> Array:
+        """A field (n,) of all impacts, other than their joints."""
+        return self.rows[:, _FIELDS[field]]
+
+    @property
+    def sudden_loss(self) -> Array:
+        """Energies (n,) [J] lost at the instants, as of `Impact.sudden_loss`."""
+        return np.where(self.column('duration') != 0.0, 0.0, self.column('energy_loss'))
+
+    @property
+    def exchange(self) -> Array:
+        """Work of the drives and energy lost at the instants (n, 2) [J]."""
+        return np.stack([self.column('drive_work'), self.sudden_loss], axis=1)
+
+    def where(self, chosen: NDArray[np.bool_]) -> Self:
+        """Those of a mask (n,)."""
+        return type(self)(self.joints, self.rows[chosen])
+
+    def of_joint(self, joint: str) -> Self:
+        """Those of a joint."""
+        return self.where(self.gaps == (*self.joints, joint).index(joint))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Impact]:
+        columns: list[Iterable[object]] = self.rows.T.tolist()
+        columns[_JOINT] = [self.joints[k] for k in self.gaps.tolist()]
+        columns[_ENDS] = map(bool, columns[_ENDS])
+        return map(Impact._make, zip(*columns, strict=True))
+
+    @overload
+    def __getitem__(self, k: int) -> Impact: ...
+    @overload
+    def __getitem__(self, k: slice) -> Self: ...
+    def __getitem__(self, k: int | slice) -> Impact | Self:
+        if isinstance(k, slice):
+            return type(self)(self.joints, self.rows[k])
+        [found] = type(self)(self.joints, self.rows[k][None])
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and [*self] == [*other]
+
+    def __repr__(self) -> str:
+        return repr([*self])
+
+
 class ModeChange(NamedTuple):
     """A joint enters a mode of contact."""
 
@@ -122,11 +219,10 @@ class EventLog:
             more += len(self.rows)
             self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]))])
 
-    def _taken(self) -> tuple[list[float], list[str], Iterable[list[float]]]:
-        """Times, names of joints and other columns of the events since the last call."""
-        t, gaps, *others = self.rows[: self.count].T.tolist()
-        self.count = 0
-        return t, [self._joints[int(gap)] for gap in gaps], others
+    def _taken(self) -> Array:
+        """Rows of the events since the last call."""
+        count, self.count = self.count, 0
+        return self.rows[:count]
 
 
 class ImpactLog(EventLog):
@@ -135,12 +231,12 @@ class ImpactLog(EventLog):
     def __init__(self, joints: Sequence[str]) -> None:
         super().__init__(joints, 12)
 
-    def drain(self) -> list[Impact]:
+    def drain(self) -> Impacts:
         """The impacts since the last call."""
-        t, names, (*others, ends, left) = self._taken()
-        none = [0.0] * len(t)
-        columns = zip(t, names, *others, map(bool, ends), left, none, none, strict=True)
-        return [*map(Impact._make, columns)]
+        rows = self._taken()
+        found = np.zeros((len(rows), len(_FIELDS)))
+        found[:, : rows.shape[1]] = rows
+        return Impacts(self._joints, found)
 
 
 class ModeLog(EventLog):
@@ -157,7 +253,8 @@ class ModeLog(EventLog):
 
     def drain(self) -> list[ModeChange]:
         """The changes since the last call."""
-        t, names, (modes, previous) = self._taken()
+        t, gaps, modes, previous = self._taken().T.tolist()
+        names = [self._joints[int(gap)] for gap in gaps]
         new, old = ([Mode(int(x)) for x in row] for row in (modes, previous))
         return [*map(ModeChange._make, zip(t, names, new, old, strict=True))]
 

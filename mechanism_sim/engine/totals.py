@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mechanism_sim.engine.events import Impact, Mode, ModeChange
+from mechanism_sim.engine.events import Impact, Impacts, Mode, ModeChange
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
@@ -43,13 +43,15 @@ class Totals:
         self.losses_of_contact += sum(
             c.previous > Mode.FREE_FLIGHT and c.mode == Mode.FREE_FLIGHT for c in changes
         )
-        for impact in impacts:
-            self.normal_impulse += impact.normal_impulse
-            self.largest_impulse = max(self.largest_impulse, impact.normal_impulse)
-            if impact.t > self._instant:
+        known = Impacts.of(impacts)
+        columns = (known.column(x).tolist() for x in ('t', 'normal_impulse', 'energy_loss'))
+        for t, impulse, loss in zip(*columns, strict=True):
+            self.normal_impulse += impulse
+            self.largest_impulse = max(self.largest_impulse, impulse)
+            if t > self._instant:
                 self._gains, self._made = self.gains
-                self._instant, self._gain = impact.t, 0.0
-            self._gain -= impact.energy_loss
+                self._instant, self._gain = t, 0.0
+            self._gain -= loss
 
     @property
     def gains(self) -> tuple[int, float]:

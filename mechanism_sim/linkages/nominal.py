@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.drive_laws import LawSchedule
-from mechanism_sim.engine.events import Impact, ModeChange
+from mechanism_sim.engine.events import Impacts, ModeChange
 from mechanism_sim.engine.physics import each_instant, is_force_open, outside, rows
 from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import RunError
@@ -455,7 +455,7 @@ class NominalRun:
         self._turns = np.array([snapshot.turns[c] for c in self._ideal.coordinates])
         self._pieces.clear()
 
-    def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
+    def drain(self) -> tuple[Motion, Impacts, list[ModeChange]]:
         """Motion since the last call; there are no events."""
         pieces, self._pieces = self._pieces, []
         count, n = len(pieces), len(self._last)
@@ -474,7 +474,8 @@ class NominalRun:
             np.array([p[3] for p in pieces]).reshape(count, n, len(NODES)),
         )
         none = np.zeros((count, 0))
-        return Motion(curve, np.zeros((count, 0), np.uint8), none, np.zeros((count, 0, 3))), [], []
+        motion = Motion(curve, np.zeros((count, 0), np.uint8), none, np.zeros((count, 0, 3)))
+        return motion, Impacts(), []
 
 
 def _with_laws(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.engine.events import Impact, ModeChange
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import ratio
@@ -460,12 +460,16 @@ class EventSeries:
                 channel.take(piece.motion if history is None else history)
                 self._take(channel)
                 continue
-            happened: Sequence[Impact | ModeChange] = piece.impacts
-            if kind != 'impacts':
-                happened = [c for c in piece.modes if kind == 'modes' or is_loss(c)]
-            own = [e for e in happened if joint in (None, e.joint)]
+            if kind == 'impacts':
+                impacts = Impacts.of(piece.impacts)
+                own = impacts if joint is None else impacts.of_joint(joint)
+                for key, parts in columns.items():
+                    parts.append(own.column(key) if key else np.ones(len(own)))
+                continue
+            changes = [c for c in piece.modes if kind == 'modes' or is_loss(c)]
+            times = np.array([c.t for c in changes if joint in (None, c.joint)], float)
             for key, parts in columns.items():
-                parts.append(np.array([getattr(e, key) if key else 1.0 for e in own], float))
+                parts.append(times if key else np.ones(len(times)))
 
     def finish(self, silent: bool = False) -> None:
         """Flush the channels, and warn of clipped samples."""

@@ -25,7 +25,7 @@ from mechanism_sim.engine.dense_output import GrowingMotion, Motion
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.event_loop import EventLoop
-from mechanism_sim.engine.events import Impact, Mode, ModeChange, StopReason
+from mechanism_sim.engine.events import Impact, Impacts, Mode, ModeChange, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot
@@ -100,24 +100,25 @@ class Piece(Rich):
     machine: Machine
     motion: Motion
     balance: EnergyTerms
-    impacts: list[Impact]
+    impacts: Sequence[Impact]
     modes: list[ModeChange]
 
     @staticmethod
     def joined(pieces: Iterable[Piece]) -> Piece:
         """Consecutive pieces of a run as one; each is released once it is joined."""
         motion, works = GrowingMotion(), list[Work]()
-        impacts, changes = list[Impact](), list[ModeChange]()
+        impacts, changes = list[Sequence[Impact]](), list[ModeChange]()
         for piece in pieces:
             if not works:
                 machine, before = piece.machine, piece.balance
             motion.add(piece.motion)
             works.append(piece.balance.work)
-            impacts += piece.impacts
+            impacts.append(piece.impacts)
             changes += piece.modes
         work = Work(*np.concatenate(works, axis=1))
-        balance = EnergyTerms(work, impacts, before.drive_work, before.dissipated)
-        return Piece(machine, motion.whole(), balance, impacts, changes)
+        struck = Impacts.joined(impacts)
+        balance = EnergyTerms(work, struck, before.drive_work, before.dissipated)
+        return Piece(machine, motion.whole(), balance, struck, changes)
 
     def __repr__(self) -> str:
         curve = self.motion.curve
@@ -126,9 +127,9 @@ class Piece(Rich):
 
     def impact_table(self) -> Table:
         """The impacts as columns (n,), SI units."""
-        names = [n for n in Impact._fields if n != 'joint']
-        columns = {n: np.array([float(getattr(i, n)) for i in self.impacts]) for n in names}
-        joints = {'joint': np.array([i.joint for i in self.impacts], dtype=str)}
+        known = Impacts.of(self.impacts)
+        columns = {n: known.column(n).copy() for n in Impact._fields if n != 'joint'}
+        joints = {'joint': np.array(known.joints or [''], str)[known.gaps]}
         return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
 
     def digest(self) -> str:
@@ -473,7 +474,7 @@ class Runner:
         if not self._entered:
             return self._balance
         pieces, self._entered, first = self._entered, [], 0
-        impacts = [impact for piece in pieces for impact in piece.impacts]
+        impacts = Impacts.joined(piece.impacts for piece in pieces)
         work = self.audit.add(Motion.joined([piece.motion for piece in pieces]), impacts)
         for piece in pieces:  # piece by piece, so that sums do not depend on what is audited when
             end = first + len(piece.motion)

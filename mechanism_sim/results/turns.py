@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.drive import DriveLaw
@@ -196,8 +197,9 @@ class ImpactAccumulator:
         edges = self._turns.edges
         more = np.zeros((len(edges) - len(self._table), 2))  # the last one is not over yet
         self._table = np.concatenate([self._table, more])
-        t, impulse = np.array([(i.t, i.normal_impulse) for i in piece.impacts]).reshape(-1, 2).T
-        k = np.searchsorted(edges, t, side='right') - 1
+        impacts = Impacts.of(piece.impacts)
+        k = np.searchsorted(edges, impacts.column('t'), side='right') - 1
+        impulse = impacts.column('normal_impulse')
         self._table += np.column_stack(impacts_by_turn(k, impulse, len(edges)))
 
     @property

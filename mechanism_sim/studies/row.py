@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.errors import InputError
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.ranges import LoadPeaks
@@ -130,9 +131,10 @@ class _Figures:
             inside = (self.edges >= curve.start[0]) & (self.edges <= curve.end * (1.0 + 1e-12))
             at = np.minimum(self.edges[inside], curve.end)
             self._crank[inside] = curve(at)[:, self._main]
-        for impact in piece.impacts:
-            if impact.t >= self.since:
-                self._impulses[impact.joint].append(impact.normal_impulse)
+        impacts = Impacts.of(piece.impacts)
+        impacts = impacts.where(impacts.column('t') >= self.since)
+        for joint, impulse in zip(impacts.gaps, impacts.column('normal_impulse'), strict=True):
+            self._impulses[impacts.joints[joint]].append(float(impulse))
 
     def row(self, run: Stream) -> Row:
         """The figures of the whole run."""

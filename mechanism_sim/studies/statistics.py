@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.energy_terms import work_since_start
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
@@ -64,12 +65,12 @@ class StatisticsAccumulator:
 
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
-        motion, impacts = piece.motion, piece.impacts
-        intervals = self._intervals([i.t for i in impacts])
+        motion, impacts = piece.motion, Impacts.of(piece.impacts)
+        intervals = self._intervals(impacts.column('t'))
         np.add.at(self.table[:, 0], intervals, 1.0)
-        np.add.at(self.table[:, 1], intervals, [i.normal_impulse for i in impacts])
+        np.add.at(self.table[:, 1], intervals, impacts.column('normal_impulse'))
         # that of a touch is part of what its steps lose
-        np.add.at(self.table[:, 4], intervals, [i.sudden_loss for i in impacts])
+        np.add.at(self.table[:, 4], intervals, impacts.sudden_loss)
         lost = [c.t for c in piece.modes if is_loss(c)]
         np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
         curve, lost_in = motion.curve, piece.balance.work.friction
