@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
@@ -24,7 +24,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.dense_output import GrowingMotion, Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms
-from mechanism_sim.engine.events import Impact, Mode, ModeChange
+from mechanism_sim.engine.events import Impact, Impacts, Mode, ModeChange
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.errors import InputError, RunWarning, check_known
 from mechanism_sim.messages.events import parse_description
@@ -426,14 +426,14 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     find_topics(bag, namespace)  # checks for a single machine before reading its scene
     machine = machine_of(bag, namespace)
     sensors, growing = SignalCollectors(), None
-    impacts, changes = list[Impact](), list[ModeChange]()
+    parts, changes = list[Impacts](), list[ModeChange]()
     for piece in pieces(bag, namespace, {'sensors': sensors.add}):
         if piece.coordinates:
             check_motion(bag, machine, piece)
         if len(piece.motion):
             growing = growing or GrowingMotion()
             growing.add(piece.motion)
-        impacts += piece.impacts
+        parts.append(piece.impacts)
         changes += piece.modes
     if growing is None:
         raise InputError(f'{bag.path} has no recorded motion.')
@@ -442,7 +442,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         raise InputError(
             f'{bag.path}: the motion from {instant(a)} s to {instant(b)} s is missing.'
         )
-    impacts = _with_work(machine, motion, _covered(bag, motion, impacts))
+    impacts = _with_work(machine, motion, _covered(bag, motion, Impacts.joined(parts)))
     audit = Audit(machine.physics)
     balance = EnergyTerms(audit.add(motion, impacts), impacts)
     run = Piece(machine, motion, balance, impacts, changes)
@@ -460,11 +460,12 @@ def check_motion(bag: Bag, machine: Machine, piece: RecordedPiece) -> None:
             )
 
 
-def _covered(bag: Bag, motion: Motion, impacts: list[Impact]) -> list[Impact]:
+def _covered(bag: Bag, motion: Motion, impacts: Impacts) -> Impacts:
     """The impacts at times of which the motion is recorded; a warning of others."""
     start, end = float(motion.curve.start[0]), motion.curve.end
     slack = 4.0 * float(np.spacing(max(abs(start), abs(end))))
-    kept = [i for i in impacts if start - slack <= i.t <= end + slack]
+    t = impacts.column('t')
+    kept = impacts.where((start - slack <= t) & (t <= end + slack))
     if left := len(impacts) - len(kept):
         lost = counted(left, 'impact') + (' is' if left == 1 else ' are')
         warnings.warn(
@@ -476,7 +477,7 @@ def _covered(bag: Bag, motion: Motion, impacts: list[Impact]) -> list[Impact]:
     return kept
 
 
-def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[Impact]:
+def _with_work(machine: Machine, motion: Motion, impacts: Impacts) -> Impacts:
     """The impacts with the work of the drive, whose impulse is recorded; nan if it has several."""
     names = machine.plan.prescribed
     if not names or not impacts:
@@ -485,11 +486,9 @@ def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[
         speeds = np.full(len(impacts), np.nan)
     else:
         i = machine.physics.coordinates.index(names[0])
-        speeds = motion.curve(np.array([impact.t for impact in impacts]), 1)[:, i]
-    return [
-        impact._replace(drive_work=impact.drive_impulse * speed if impact.drive_impulse else 0.0)
-        for impact, speed in zip(impacts, speeds.tolist(), strict=True)
-    ]
+        speeds = motion.curve(impacts.column('t'), 1)[:, i]
+    impulse = impacts.column('drive_impulse')
+    return impacts.with_column('drive_work', np.where(impulse != 0.0, impulse * speeds, 0.0))
 
 
 @dataclass(frozen=True)
@@ -504,7 +503,7 @@ class RecordedPiece:
     coordinates: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     motion: Motion = NOTHING
-    impacts: list[Impact] = field(default_factory=list)
+    impacts: Impacts = field(default_factory=Impacts)
     modes: list[ModeChange] = field(default_factory=list)
 
 
@@ -522,14 +521,13 @@ def pieces(
     """
     others, topics = others or {}, find_topics(bag, namespace)
     kinds = {name: kind for kind in (*_RUN, *others) for name in topics[kind]}
-    impacts: list[Impact] = []
+    impacts: list[Any] = []  # their messages
     modes: list[ModeChange] = []
     last = -1, -math.inf, 0.0
     for topic, message, _ in bag.messages(kinds):
         kind = kinds[topic]
         if kind == 'impacts':
-            values = _IMPACT(message)
-            impacts.append(Impact._make((*values[:_WORK], np.nan, *values[_WORK:])))
+            impacts.append(message)
         elif kind == 'mode_changes':
             try:
                 pair = Mode(message.mode), Mode(message.previous_mode)
@@ -550,12 +548,18 @@ def pieces(
                 )
                 continue
             last = begins if len(motion) else last
-            yield RecordedPiece(*names, motion, impacts, modes)
+            yield RecordedPiece(*names, motion, _impacts(impacts), modes)
             impacts, modes = [], []
         else:
             others[kind](message)
     if impacts or modes:
-        yield RecordedPiece(impacts=impacts, modes=modes)
+        yield RecordedPiece(impacts=_impacts(impacts), modes=modes)
+
+
+def _impacts(messages: Iterable[Any]) -> Impacts:
+    """The impacts that messages tell, but for the work of the drive."""
+    told = map(_IMPACT, messages)
+    return Impacts.of(Impact._make((*x[:_WORK], np.nan, *x[_WORK:])) for x in told)
 
 
 def gaps(curve: PiecewisePolynomial) -> list[tuple[float, float]]:

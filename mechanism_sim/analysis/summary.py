@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,7 +44,7 @@ from mechanism_sim.analysis.record import (
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.digest import MotionDigest
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impact, Impacts
 from mechanism_sim.engine.peak_shapes import PeakShape
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages.events import parse_description
@@ -132,25 +131,23 @@ class ImpactCollector:
     """Gathers impacts, a few numbers of each."""
 
     def __init__(self) -> None:
-        self._joints: dict[str, int] = {}
-        self._joint, self._numbers = array('l'), array('d')
+        self._parts: list[Impacts] = []
 
     def add(self, impacts: Iterable[Impact]) -> None:
         """Enter the impacts that follow."""
-        for i in impacts:
-            self._joint.append(self._joints.setdefault(i.joint, len(self._joints)))
-            self._numbers.extend(
-                (i.t, i.normal_impulse, i.energy_loss, i.approach_speed, i.normal_angle)
-            )
+        self._parts.append(Impacts.of(impacts))
 
     def summary(self, crank: Crank) -> ImpactSummary:
         """All that was gathered, by joint and by revolutions of the crank."""
         found = crank.summary()
         revolutions = found.revolutions if found else None
-        time, impulse, loss, speed, angle = np.array(self._numbers).reshape(-1, 5).T
-        names = tuple(sorted(self._joints))
-        order = np.array([names.index(name) for name in self._joints], np.int64)
-        columns = order[np.array(self._joint, np.int64)]
+        struck = Impacts.joined(self._parts)
+        time, impulse, loss, speed, angle = map(struck.column, (
+            't', 'normal_impulse', 'energy_loss', 'approach_speed', 'normal_angle'
+        ))  # fmt: skip
+        names = tuple(sorted(struck.joints[k] for k in np.unique(struck.gaps)))
+        known = {name: k for k, name in enumerate(names)}
+        columns = np.array([known.get(name, -1) for name in struck.joints], int)[struck.gaps]
 
         def dominant(chosen: NDArray[np.intp], count: int) -> tuple[DominantImpact, ...]:
             hardest = chosen[np.argsort(-impulse[chosen], kind='stable')[:count]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum, IntEnum
 from itertools import groupby
-from typing import NamedTuple, Self, overload
+from typing import Any, NamedTuple, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,10 +120,12 @@ class Impacts(Sequence[Impact]):
         """The impacts of a list, or these themselves."""
         if isinstance(impacts, cls):
             return impacts
-        found = [*impacts]
-        index = {name: k for k, name in enumerate(dict.fromkeys(i.joint for i in found))}
-        rows = [i._replace(joint=index[i.joint]) for i in found]  # type: ignore[arg-type]
-        return cls([*index], np.array(rows, float).reshape(-1, len(_FIELDS)))
+        columns: list[Any] = [*zip(*impacts, strict=True)]
+        if not columns:
+            return cls()
+        index = {name: k for k, name in enumerate(dict.fromkeys(columns[_JOINT]))}
+        columns[_JOINT] = [index[name] for name in columns[_JOINT]]
+        return cls([*index], np.array(columns, float).T)
 
     @classmethod
     def joined(cls, parts: Iterable[Iterable[Impact]]) -> Self:
@@ -146,6 +148,12 @@ class Impacts(Sequence[Impact]):
     def column(self, field: str) -> Array:
         """A field (n,) of all impacts, other than their joints."""
         return self.rows[:, _FIELDS[field]]
+
+    def with_column(self, field: str, values: Array) -> Self:
+        """The impacts with another field (n,)."""
+        rows = self.rows.copy()
+        rows[:, _FIELDS[field]] = values
+        return type(self)(self.joints, rows)
 
     @property
     def sudden_loss(self) -> Array:
