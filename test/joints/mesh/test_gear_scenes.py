@@ -244,6 +244,34 @@ def test_transmission_errors_shift_the_wheel():
     assert np.abs(o.velocity[1] / o.velocity[0] + 0.5 + rate / base).max() < 1e-12
 
 
+ERRORS = {'amplitude': '20 um', 'order': 2, 'eccentricity': ['10 um', '15 um']}
+PLAY = {'joints.mesh.backlash': {'width': '0.1 mm', 'restitution': 0.4}}
+
+
+@pytest.mark.parametrize(
+    ('scene', 'overrides'),
+    [
+        ('gear_pair', {}),
+        ('gear_pair', PLAY),
+        ('mesh_stiffness', {}),
+        ('mesh_stiffness', {'joints.mesh.backlash': None}),
+    ],
+    ids=['rigid', 'rigid with play', 'elastic with play', 'elastic'],
+)
+def test_torques_of_teeth_with_errors_accelerate_the_shafts(scene, overrides):
+    """Euler's law of either shaft, with its drive and its brake."""
+    machine = loaded(scene, {'joints.mesh.error': ERRORS, **overrides})
+    t, names = np.linspace(1e-4, 0.02, 101), ('pinion', 'wheel')
+    run = ms.simulate(machine, duration=0.02)
+    seen = run.sample(t, *(f'{n}_torque.mesh' for n in ('first', 'second')), 'drive_torque',
+                      *(f'acceleration.{n}' for n in names), 'velocity.wheel')  # fmt: skip
+    needed = [machine.mechanism.body(n).inertia * seen[f'acceleration.{n}'] for n in names]
+    given = seen['drive_torque'], -0.2 * seen['velocity.wheel']
+    for which, need, other in zip(('first', 'second'), needed, given, strict=True):
+        size = np.abs(other).max()
+        assert seen[f'{which}_torque.mesh'] == pytest.approx(need - other, abs=1e-11 * size)
+
+
 def test_two_planets_fit_only_where_their_teeth_find_spaces():
     def scene(angle):
         at = 0.048 * np.array([math.cos(angle), math.sin(angle)])
