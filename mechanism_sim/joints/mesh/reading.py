@@ -85,18 +85,9 @@ def read_mesh(joint: PlacedMesh, view: PairView) -> GearReading:
     return _reading(joint, view, joint.per_phase * ahead, force, torques, passing, flanks)
 
 
-def read_ratio(
-    joint: HigherPair, ratio: float, view: PairView, effort: Array | None = None
-) -> GearReading:
-    """A ratio without teeth, of which the torques are known: they neither take nor give power.
-
-    Parameters
-    ----------
-    effort : effort on the second (N,) [N m], or [N] if sliding; by default the joint's moment
-    """
+def read_ratio(joint: HigherPair, efforts: tuple[Array, Array], view: PairView) -> GearReading:
+    """A ratio without teeth, of which the efforts on both (N,) [N m, N] are known."""
     unknown = np.full(view.count, np.nan)
-    second = view.moment if effort is None else effort
-    efforts = -ratio * second, second
     mode = _walls(view)
     if mode is None:
         mode = np.full(view.count, MeshMode.MESHED, np.uint8)

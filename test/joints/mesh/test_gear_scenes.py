@@ -272,6 +272,34 @@ def test_torques_of_teeth_with_errors_accelerate_the_shafts(scene, overrides):
         assert seen[f'{which}_torque.mesh'] == pytest.approx(need - other, abs=1e-11 * size)
 
 
+RUBBING = {'joints.pair.friction': {'coefficient': 0.1}}
+CHAIN = {'joints.belt': {'belt': ['motor', 'fan'], 'radii': [0.04, 0.1],
+                         'friction': {'efficiency': 0.95}}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('scene', 'joint', 'overrides'),
+    [
+        ('bevel_pair', 'pair', RUBBING),
+        ('worm_drive', 'pair', RUBBING),
+        ('worm_drive', 'pair', RUBBING | {'drive.speed': '-1500 rpm'}),
+        ('worm_drive', 'pair', RUBBING | {'joints.pair.hand': 'left'}),
+        ('worm_drive', 'pair', RUBBING | {
+            'drive': {'coordinate': 'worm', 'torque': {'constant': '3 N m'}}}),
+        ('belt_drive', 'belt', CHAIN),
+    ],
+)  # fmt: skip
+def test_torques_of_pairs_with_friction_accelerate_the_shafts(scene, joint, overrides):
+    """Euler's law of the first shaft with its drive: friction adds to what the second takes."""
+    machine = loaded(scene, overrides)
+    first, t = machine.mechanism.joint(joint).first, np.linspace(1e-3, 0.02, 21)
+    asked = f'first_torque.{joint}', f'acceleration.{first}', 'drive_torque'
+    seen = ms.simulate(machine, duration=0.02).sample(t, *asked)
+    torque, change, drive = (seen[name] for name in asked)
+    needed = machine.mechanism.body(first).inertia * change
+    assert torque == pytest.approx(needed - drive, abs=1e-10 * np.abs(drive).max())
+
+
 def test_two_planets_fit_only_where_their_teeth_find_spaces():
     def scene(angle):
         at = 0.048 * np.array([math.cos(angle), math.sin(angle)])
