@@ -139,9 +139,6 @@ def _masses(mechanism: Mechanism) -> Iterator[tuple[float, Point, float, int]]:
     for body in mechanism.bodies:
         own, frame = body.extension, mechanism.frame(body.name)[0]
         row = -1 if frame == GROUND else mechanism.coordinates.index(frame)
-        particles = [(body.mass, mechanism.centre(body.name))]
-        if own and own.scattered:
-            particles = mechanism.particles(body.name)
-        inertia = own.spin_of(body) if own and own.scattered else body.inertia
-        for k, (mass, point) in enumerate(particles):
+        inertia = own.spin_of(body) if own else body.inertia
+        for k, (mass, point) in enumerate(mechanism.particles(body.name)):
             yield mass, point, 0.0 if k or row < 0 else inertia, row
