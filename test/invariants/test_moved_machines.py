@@ -127,3 +127,37 @@ def assert_same(scene: str, by: Isometry) -> None:
         right = expected(name, quantity, seen, by, after)
         error = min(off(after[name], value, quantity.unit) for value in right)
         assert error <= ERROR * sizes.get(quantity.unit, 1.0), (name, error)
+
+
+STEADY = (
+    'adjustable_stroke_drive', 'arc_slot_yoke', 'constant_velocity_slider', 'double_toggle_punch',
+    'film_advance', 'five_bar', 'four_bar_double_rocker', 'material_handling', 'measured_cam',
+    'oscillating_cylinder', 'quick_return', 'quick_return_shaper', 'scotch_yoke_offset',
+    'slider_crank_offset', 'ten_links', 'variable_stroke_drive',
+)  # fmt: skip
+"""Ideal, without friction, of a drive at constant speed, all of whose links come back."""
+
+
+@pytest.mark.sample(3)
+@pytest.mark.parametrize('scene', STEADY)
+def test_a_cycle_driven_backwards_is_that_forwards_from_its_end(scene: str) -> None:
+    """Forces and torques are those of the places, speeds and powers the opposite."""
+    speed = ms.load_scene(scene).drive.start[1]
+    one, other = (
+        ms.cycle(ms.load_scene(scene, {'loads': {}, 'drive.speed': sign * speed}), samples=24)
+        for sign in (1.0, -1.0)
+    )
+    known = catalogue(one.machine)
+    for name in one.names:
+        quantity = known[name]
+        if name == 't' or quantity.cumulative or quantity.part == 'direction':
+            continue
+        odd = quantity.kind.endswith(('velocity', 'speed', 'power'))
+        right = -one[name] if odd else one[name]
+        size = max(float(np.abs(one[name]).max()), 1e-3 * one.machine.mechanism.size)
+        assert off(other[name][::-1], right, quantity.unit) <= 1e-8 * size, name
+    for (link, swing), back in zip(one.swings().items(), other.swings().values(), strict=True):
+        figures = swing.size, swing.rising, swing.falling, swing.standing, swing.time_ratio
+        others = back.size, back.falling, back.rising, back.standing, back.time_ratio
+        for x, y in zip(figures, others, strict=True):
+            assert x == y or x == pytest.approx(y, rel=1e-8), link
