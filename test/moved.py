@@ -161,6 +161,8 @@ class _Mover:
             joint['axis'] = by.sense * number(joint['axis']) + by.angle * (carrier == GROUND)
         if kind == 'cam':
             self._cam(joint, first)
+        for lean in ((joint.get('clearance') or {}).get('misalignment') or {}).values():
+            lean['direction'] = by.sense * number(lean['direction'])
         if kind == 'revolute' and 'stops' in joint:
             stops = joint['stops']
             ends = {n: stops.pop(n) for n in ('lower', 'upper') if n in stops}

@@ -342,11 +342,12 @@ class LoadPeak:
     duration: float | None = None
     impulse: float | None = None  #: integral of the magnitude over that time [N s, N m s]
     whole: bool = True  #: True if the load was below half of the peak before and after
+    unit: str = 'N'
 
 
 @dataclass(frozen=True)
 class LoadSummary:
-    """The largest force in each joint and the largest torque of the drive, between impacts.
+    """The largest force in each joint and the largest torque of each drive, between impacts.
 
     Forces of bearings of shafts are by ``SHAFT.BEARING``; those along an axis, which have a sign,
     end in ``.axial``.
@@ -357,6 +358,12 @@ class LoadSummary:
     drive_torque: LoadPeak
     moments: tuple[LoadPeak, ...] = ()  #: moments [N m] of tilting bearings
     drive_unit: str = 'N m'  #: unit of the drive's effort: N if it slides
+    other_drives: tuple[LoadPeak, ...] = ()  #: drives beside the main one
+
+    @property
+    def peaks(self) -> tuple[LoadPeak, ...]:
+        """All peaks, in the order of tables."""
+        return *self.joints, self.drive_torque, *self.other_drives, *self.moments
 
 
 def load_summary(
@@ -364,7 +371,7 @@ def load_summary(
     shapes: Mapping[str, PeakShape],
     crank_angle: Callable[[float], float | None],
     samples: int | None = None,
-    slides: bool = False,
+    sliding: Collection[str] = (),
 ) -> LoadSummary | None:
     """The loads among the peaks of quantities; None if there are no forces.
 
@@ -372,13 +379,14 @@ def load_summary(
     ----------
     peaks, shapes : peaks and their shapes by the names of the catalogue
     crank_angle : angle [rad] of the crank at a time [s]
-    slides : True if the main drive slides, by a force
+    sliding : coordinates that slide, by forces of their drives
     """
     found: dict[str, list[LoadPeak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
     for name, (value, time) in peaks.items():
         kind, _, of = name.removesuffix('.size').partition('.')
         of += '.axial' if kind == 'axial_force' else ''
-        peak = LoadPeak(of, value, time, crank_angle(time))
+        turns = kind == 'bearing_moment' or (kind == 'drive_torque' and of not in sliding)
+        peak = LoadPeak(of, value, time, crank_angle(time), unit='N m' if turns else 'N')
         if shape := shapes.get(name):
             peak = replace(peak, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
         found[kind if kind in found else ''].append(peak)
@@ -386,10 +394,11 @@ def load_summary(
     if not (forces or samples):
         return None
     none = replace(forces[0], value=0.0) if forces else LoadPeak('', 0.0, 0.0, None)
-    drive = efforts[0] if efforts else none
-    moments = tuple(found['bearing_moment'])
-    unit = 'N' if slides else 'N m'
-    return LoadSummary(samples, tuple(forces), replace(drive, name='drive'), moments, unit)
+    drive, *others = efforts or [replace(none, unit='N m')]
+    return LoadSummary(
+        samples, tuple(forces), replace(drive, name='drive'), tuple(found['bearing_moment']),
+        drive.unit, tuple(replace(x, name=f'drive of {x.name}') for x in others),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -480,7 +489,9 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         end = max(end, accounts.end)
     loads = None
     if peaks:
-        loads = load_summary(peaks.peaks(), peaks.shapes(), crank.angle, slides=crank.slides)
+        loads = load_summary(
+            peaks.peaks(), peaks.shapes(), crank.angle, sliding=peaks.machine.physics.displacements
+        )
     if loads is None and present['joint_reactions']:
         loads = _published_loads(bag, topics['joint_reactions'], crank)
     of_motion = peaks.ends() if peaks else {}
@@ -568,7 +579,9 @@ def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSum
     ranges = PublishedRanges()
     for _, message, _ in bag.messages(topics):
         ranges.add(float(message.time), loads_of(message))
-    return load_summary(largest(ranges.ends), {}, crank.angle, ranges.samples, crank.slides)
+    return load_summary(
+        largest(ranges.ends), {}, crank.angle, ranges.samples, ('',) * crank.slides
+    )
 
 
 def _planned(bag: Bag, topics: tuple[str, ...]) -> tuple[str | None, float | None]:

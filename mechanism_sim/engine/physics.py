@@ -19,6 +19,7 @@ from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
+from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.protocols import Directed, EndGap, WrappedGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
@@ -62,6 +63,10 @@ class Physics(Protocol):
 
         Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
         """
+
+    @property
+    def frictions(self) -> Mapping[str, JointFriction]:
+        """Friction in ideal joints, by joint."""
 
     @property
     def displacements(self) -> tuple[str, ...]:
@@ -171,6 +176,8 @@ class DynamicPhysics:
         self.coordinates = system.coordinates
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.driven = (*system.prescribed, *system.powered)
+        rubbing = [joint.friction for joint in system.dynamics.frictional_joints]
+        self.frictions = {friction.name: friction for friction in rubbing}
         self._main = system.coordinates.index(main or (*self.driven, *system.coordinates)[0])
         self.displacements = system.mechanism.displacements
         self.size, self.lifting_energy = system.mechanism.size, system.mechanism.lifting_energy

@@ -522,6 +522,7 @@ class NominalPhysics:
         self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
         self.has_forces = forces is not None
         self.unknowns = forces.unknowns.units if forces else {}
+        self.frictions = forces.frictions if forces else {}
         self._ideal = ideal
         self._forces = forces
 

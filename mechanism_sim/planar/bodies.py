@@ -56,6 +56,11 @@ class LinkExtension(ABC):
         """Inertia of the motion out of the plane, by coordinate [kg m^2, kg]."""
         return {}
 
+    @property
+    def tilting_spins(self) -> Mapping[tuple[str, str], float]:
+        """Moments of inertia [kg m^2] about axes that spin and tilt, by the slopes along x, y."""
+        return {}
+
     def extent(self, body: Body) -> float:
         """Least distance from the centre of gravity to which masses extend [m]."""
         return 0.0

@@ -148,6 +148,7 @@ class InverseDynamics:
         self.unknowns = Unknowns(mechanism, frames, unknowns, efforts or {}, driven)
         supplied = [e for e in (efforts or {}).values() if isinstance(e, ForceElement)]
         self._given = [*elements, *supplied]
+        self.frictions = {friction.name: friction for friction in frictions}
         self._frictional_joints = frictional_joints(frictions, frames)
         self._loads += [load for joint in self._frictional_joints for load in joint.loads]
 

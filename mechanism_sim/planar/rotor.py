@@ -97,6 +97,12 @@ class Rotor(LinkExtension):
         return tuple(f'{pair}_{axis}' for pair in slopes for axis in 'xy')
 
     @property
+    def tilting_spins(self) -> dict[tuple[str, str], float]:
+        """Polar moments of inertia of the disks that tilt [kg m^2], by their slopes."""
+        disks = zip(self.pairs, self.diametral, self.polar, strict=True)
+        return {(f'{pair}_x', f'{pair}_y'): polar for pair, tilts, polar in disks if tilts}
+
+    @property
     def mass(self) -> float:
         """Mass of supports and further disks [kg]."""
         return sum(lump.mass for lump in self.lumps)

@@ -5,6 +5,9 @@ what changes their momentum:
 
 ``F = sum (m g - m p'') + sum f``,  ``M = sum (p x (m g - m p'') - I theta'') + sum (r x f + t)``
 
+A disk that spins with W about an axis with slopes s has the moment of momentum ``I W (1 - s^2/2)``
+about z: where it tilts, ``I W s . s'`` is added to M.
+
 Forces between links or between link and ground (bearings, contacts, springs, teeth, drives) need
 not be known; in a step of the velocities the same sums give the impulse.
 """
@@ -50,6 +53,13 @@ class ShakingForce:
         unknowns: Sequence[UnknownLoad] = (),
     ) -> None:
         self._mechanism, self._masses = mechanism, list(_masses(mechanism))
+        row = mechanism.coordinates.index
+        self._tilting_spins = [
+            (inertia, row(body.name), [row(f'{body.name}.{slope}') for slope in slopes])
+            for body in mechanism.bodies
+            if body.extension
+            for slopes, inertia in body.extension.tilting_spins.items()
+        ]
         frames = Frames(mechanism.coordinates, Parameters())
         given = Unknowns(mechanism, frames, unknowns, {}, [])
         acting = [load for element in applied for load in element.loads(frames)]
@@ -116,6 +126,8 @@ class ShakingForce:
             total += fx, fy, x * fy - y * fx
             if inertia and not static:
                 total[2] -= inertia * a[row]
+        for inertia, row, slopes in [] if static else self._tilting_spins:
+            total[2] += inertia * v[row] * (q[slopes] * v[slopes]).sum(axis=0)
         return total
 
 
@@ -127,9 +139,6 @@ def _masses(mechanism: Mechanism) -> Iterator[tuple[float, Point, float, int]]:
     for body in mechanism.bodies:
         own, frame = body.extension, mechanism.frame(body.name)[0]
         row = -1 if frame == GROUND else mechanism.coordinates.index(frame)
-        particles = [(body.mass, mechanism.centre(body.name))]
-        if own and own.scattered:
-            particles = mechanism.particles(body.name)
-        inertia = own.spin_of(body) if own and own.scattered else body.inertia
-        for k, (mass, point) in enumerate(particles):
+        inertia = own.spin_of(body) if own else body.inertia
+        for k, (mass, point) in enumerate(mechanism.particles(body.name)):
             yield mass, point, 0.0 if k or row < 0 else inertia, row

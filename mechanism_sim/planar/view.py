@@ -113,6 +113,10 @@ class PairView(Protocol):
     def moment(self) -> Array:
         """Moment (N,) [N m] of the first-named link, about the joint's point on the second."""
 
+    @property
+    def friction_loss(self) -> Array:
+        """Power (N,) lost to friction in the ideal joint [W]."""
+
     def moment_on_first(self, centre: Array) -> Array:
         """Moment (N,) [N m] of the second-named on the first-named link, about points (2, N)."""
 

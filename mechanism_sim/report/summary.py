@@ -417,35 +417,33 @@ def load_rows(
     drive : coordinate whose angle is shown
     levels : loads not exceeded in `SHARE` of the time [N, N m] by the names in `loads`
     """
-    units = [(peak, 'N') for peak in loads.joints]
-    units += [(loads.drive_torque, loads.drive_unit), *((peak, 'N m') for peak in loads.moments)]
-    rows = [(*_row(peak, unit), *_level(peak, unit, levels)) for peak, unit in units]
+    rows = [(*_row(peak), *_level(peak, levels)) for peak in loads.peaks]
     columns = 6 if any(row[4] for row in rows) else 4
     held = [f'{100.0 * SHARE:g} % of the time at most'] if levels is not None else []
     head = 'joint', 'largest', 'at [s]', drive, 'above half for', 'impulse', *held
     return [row[:columns] + row[6:] for row in (head, *rows)]
 
 
-def _row(peak: LoadPeak, unit: str) -> tuple[str, ...]:
+def _row(peak: LoadPeak) -> tuple[str, ...]:
     angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
-    first = peak.name, written(peak.value, unit), instant(peak.time, 6), angle
+    first = peak.name, written(peak.value, peak.unit), instant(peak.time, 6), angle
     if peak.duration is None or peak.impulse is None:
         return *first, '', ''
     least = '' if peak.whole else '>= '
-    lasts, impulse = written(peak.duration, 's'), written(peak.impulse, f'{unit} s')
+    lasts, impulse = written(peak.duration, 's'), written(peak.impulse, f'{peak.unit} s')
     return *first, f'{least}{lasts}', f'{least}{impulse}'
 
 
-def _level(peak: LoadPeak, unit: str, levels: Mapping[str, float] | None) -> tuple[str, ...]:
+def _level(peak: LoadPeak, levels: Mapping[str, float] | None) -> tuple[str, ...]:
     if levels is None:
         return ()
-    return (written(levels[peak.name], unit) if peak.name in levels else '',)
+    return (written(levels[peak.name], peak.unit) if peak.name in levels else '',)
 
 
 def peaks_of(loads: LoadSummary, levels: Mapping[str, float]) -> Iterator[str]:
     """A clause for each largest load that is but a peak: how long it lasts, what it carries."""
-    for peak, unit in [(x, 'N') for x in loads.joints] + [(loads.drive_torque, loads.drive_unit)]:
-        level = levels.get(peak.name, math.inf)
+    for peak in (*loads.joints, loads.drive_torque, *loads.other_drives):
+        unit, level = peak.unit, levels.get(peak.name, math.inf)
         if abs(peak.value) > _BRIEF * level and peak.whole and peak.duration and peak.impulse:
             yield (
                 f'{peak.name}: a peak of {written(peak.duration, "s")} with '

@@ -99,6 +99,15 @@ class JointView:
         return np.asarray(self._wrench[2])
 
     @property
+    def friction_loss(self) -> Array:
+        """Power (N,) lost to friction in the ideal joint [W]."""
+        friction, o = self.physics.frictions.get(self.joint.name), self.observed
+        if friction is None:
+            return np.zeros(self.count)
+        i = self.physics.joints.index(self.joint.name)
+        return friction.loss(o.reaction[i], o.reaction_moment[i], o.local, o.velocity)
+
+    @property
     def foot(self) -> Array:
         """Point of action of the force (2, N) [m]: the joint's point on the second-named link.
 

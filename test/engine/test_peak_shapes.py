@@ -89,6 +89,30 @@ def test_peaks_of_a_motion_have_their_duration():
         assert peak.impulse == pytest.approx(found[name].impulse, rel=1e-6)
 
 
+def test_the_summary_of_loads_has_the_efforts_of_all_drives():
+    """A force and a torque: of a table that is lifted and of what turns on it."""
+    machine = made({
+        'mechanism': 'linkage',
+        'gravity': [0, '-10 m/s^2'],
+        'links': {'table': {'mass': '2 kg'}, 'arm': {'length': '0.5 m', 'cog': '0.2 m',
+                                                     'mass': '3 kg', 'inertia': '0 kg m^2'}},
+        'joints': {'guide': {'prismatic': ['ground', 'table'], 'axis': '90 deg'},
+                   'pin': {'revolute': ['table', 'arm']}},
+        'drive': {'coordinate': 'arm', 'speed': '0.1 rad/s'},
+        'drives': {'table': {'speed': '1 m/s'}},
+    })  # fmt: skip
+    peaks = LoadPeaks(machine)
+    for piece in ms.stream(machine, duration=0.5):
+        peaks.add(piece.motion)
+    sliding = machine.physics.displacements
+    found = load_summary(peaks.peaks(), {}, lambda _: None, sliding=sliding)
+    (table,), arm = found.other_drives, found.drive_torque
+    assert [(x.name, x.unit) for x in (arm, table)] == [('drive', 'N m'), ('drive of table', 'N')]
+    assert arm.value == pytest.approx(3.0 * 10.0 * 0.2, rel=1e-12)
+    assert table.value == pytest.approx(50.0, rel=1e-12)
+    assert found.peaks == (*found.joints, arm, table)
+
+
 @pytest.fixture
 def looks(monkeypatch):
     """Instants at which ranges of quantities were evaluated."""

@@ -35,6 +35,14 @@ SCENES = (
 """Without axes that the world has, as those of supports and mounts, without ratios of angles in
 the world, and without files."""
 
+FLAT = (
+    'bearing_run_up', 'belt_drive', 'bevel_pair', 'differential', 'elastic_slider_crank',
+    'four_bar_elastic', 'four_bar_misaligned', 'four_bar_on_frame', 'half_car', 'helical_shafts',
+    'mass_on_spring', 'overhung_rotor', 'rotor_on_supports', 'rotor_run_up', 'scotch_yoke',
+    'sliding_cam', 'spinning_beam', 'toggle_press', 'two_disk_rotor',
+)  # fmt: skip
+"""With axes that the world has, or with ratios of angles: driven backwards in the mirror y = 0."""
+
 TURNED = Isometry(0.7)
 MIRRORED = Isometry(2.5, -1, (0.3, 0.2))
 FAR = Isometry(shift=(3.0, -7.0))
@@ -55,6 +63,8 @@ def expected(name: str, quantity: Quantity, seen: Any, by: Isometry, after: Any)
             yield own + by.shift[part == 'y']
         if quantity.kind != 'position':
             yield own
+        if quantity.unit == 'N m':  # an axial vector
+            yield by.sense * own
         return
     yield from {1: (x,), -1: (x, -x)}[by.sense]
     if quantity.unit == 'rad':
@@ -79,6 +89,17 @@ def off(found: Any, right: Any, unit: str) -> float:
 @pytest.mark.parametrize('by', [TURNED, MIRRORED, FAR], ids=['turned', 'mirrored', 'far'])
 @pytest.mark.parametrize('scene', SCENES)
 def test_a_moved_machine_is_the_same_machine(scene: str, by: Isometry) -> None:
+    assert_same(scene, by)
+
+
+@pytest.mark.sample(3)
+@pytest.mark.parametrize('scene', FLAT)
+def test_a_machine_driven_backwards_in_a_mirror_is_the_same_machine(scene: str) -> None:
+    assert_same(scene, Isometry(sense=-1))
+
+
+def assert_same(scene: str, by: Isometry) -> None:
+    """Compare a machine with the moved one, by all quantities over a tenth of a turn."""
     machine = ms.load_scene(scene)
     length = 0.1 * min(machine.drive.period, machine.scene.duration or np.inf)
     other = made(moved(machine, by))
@@ -106,3 +127,37 @@ def test_a_moved_machine_is_the_same_machine(scene: str, by: Isometry) -> None:
         right = expected(name, quantity, seen, by, after)
         error = min(off(after[name], value, quantity.unit) for value in right)
         assert error <= ERROR * sizes.get(quantity.unit, 1.0), (name, error)
+
+
+STEADY = (
+    'adjustable_stroke_drive', 'arc_slot_yoke', 'constant_velocity_slider', 'double_toggle_punch',
+    'film_advance', 'five_bar', 'four_bar_double_rocker', 'material_handling', 'measured_cam',
+    'oscillating_cylinder', 'quick_return', 'quick_return_shaper', 'scotch_yoke_offset',
+    'slider_crank_offset', 'ten_links', 'variable_stroke_drive',
+)  # fmt: skip
+"""Ideal, without friction, of a drive at constant speed, all of whose links come back."""
+
+
+@pytest.mark.sample(3)
+@pytest.mark.parametrize('scene', STEADY)
+def test_a_cycle_driven_backwards_is_that_forwards_from_its_end(scene: str) -> None:
+    """Forces and torques are those of the places, speeds and powers the opposite."""
+    speed = ms.load_scene(scene).drive.start[1]
+    one, other = (
+        ms.cycle(ms.load_scene(scene, {'loads': {}, 'drive.speed': sign * speed}), samples=24)
+        for sign in (1.0, -1.0)
+    )
+    known = catalogue(one.machine)
+    for name in one.names:
+        quantity = known[name]
+        if name == 't' or quantity.cumulative or quantity.part == 'direction':
+            continue
+        odd = quantity.kind.endswith(('velocity', 'speed', 'power'))
+        right = -one[name] if odd else one[name]
+        size = max(float(np.abs(one[name]).max()), 1e-3 * one.machine.mechanism.size)
+        assert off(other[name][::-1], right, quantity.unit) <= 1e-8 * size, name
+    for (link, swing), back in zip(one.swings().items(), other.swings().values(), strict=True):
+        figures = swing.size, swing.rising, swing.falling, swing.standing, swing.time_ratio
+        others = back.size, back.falling, back.rising, back.standing, back.time_ratio
+        for x, y in zip(figures, others, strict=True):
+            assert x == y or x == pytest.approx(y, rel=1e-8), link

@@ -8,6 +8,7 @@ import pytest
 from builders import made
 from rotors import DiskRotor, Rotor, influence_coefficients
 from running import run, run_json
+from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -511,6 +512,79 @@ def test_a_rotor_shakes_a_frame_by_the_reaction_of_its_supports():
     damped = machine.scene.joints['ground_disk'].external_damping
     assert damped  # the air takes it from the disk: both ways count it as the ground's
     assert forces[0] == pytest.approx(forces[1], rel=1e-9, abs=1e-9)
+
+
+def test_the_frame_feels_the_momentum_of_a_spinning_disk_that_tilts():
+    """A second route: Newton's and Euler's laws of a body in space, for any tilt."""
+    diametral, spin, arm = 0.021, 150.0, 0.2
+    stiffness = {'left': (2e5, 3e5), 'right': (3e5, 2.5e5)}
+    ends = {'left': -arm, 'right': 0.7 * arm}
+    machine = rotor(
+        drive={'torque': {'constant': 0.0}}, off=0.0, diametral_inertia=diametral,
+        supports={k: {'along': z, 'stiffness': [*stiffness[k]]} for k, z in ends.items()},
+    ).scene.to_document(exclude_none=True)  # fmt: skip
+    machine['initial'] = {
+        'position': {'disk.x': 2e-5, 'disk.tilt_x': 1e-3, 'disk.tilt_y': -5e-4},
+        'velocity': {'disk': spin, 'disk.y': 0.01, 'disk.tilt_y': 0.3},
+    }
+    t, name = np.linspace(0.0, 0.03, 61), 'shaking_moment'
+    found = ms.simulate(made(machine), duration=0.03).sample(t, name)[name]
+
+    def moments(state):  # of the supports, about the centre; and their sum of forces
+        r, axis = state[:2], state[4:7]
+        force, moment = np.zeros(2), np.zeros(3)
+        for key, z in ends.items():
+            push = -np.array(stiffness[key]) * (r + z * axis[:2])
+            force += push
+            moment += np.cross(z * axis, [*push, 0.0])
+        return force, moment
+
+    def rates(_, state):  # the centre, its velocity, the axis, the moment of momentum about it
+        axis, momentum = state[4:7], state[7:]
+        force, moment = moments(state)
+        return [*state[2:4], *(force / MASS), *(np.cross(momentum, axis) / diametral), *moment]
+
+    axis, turning = np.array([1e-3, -5e-4, 1.0]), np.array([0.0, 0.3, 0.0])
+    axis /= np.linalg.norm(axis)
+    turning -= axis * (axis @ turning)
+    start = [2e-5, 0.0, 0.0, 0.01, *axis,
+             *(diametral * np.cross(axis, turning) + POLAR * spin * axis)]  # fmt: skip
+    state = solve_ivp(rates, (0.0, 0.03), start, 'DOP853', t, rtol=1e-9, atol=1e-13).y.T
+    felt = []
+    for x in state:  # what changes the moment of momentum about the origin of all of it
+        force, moment = moments(x)
+        felt.append(-(x[0] * force[1] - x[1] * force[0] + moment[2]))
+    assert found == pytest.approx(np.array(felt), abs=1e-4 * np.abs(felt).max())
+
+
+@pytest.mark.parametrize(
+    ('scene', 'slides', 'damped'),
+    [
+        ('overhung_rotor', {}, {'': 40.0}),
+        ('two_disk_rotor', {}, {'': 30.0, 'second_': 30.0}),
+        ('rotor_run_up', {'left': 'left_', 'right': 'right_'}, {'': 100.0}),
+    ],
+)
+def test_the_moment_on_the_frame_is_that_of_bearings_dampers_and_drive(scene, slides, damped):
+    t = np.linspace(0.0, 0.3, 61)
+    names = [f'{kind}.disk.{pair}{axis}' for kind in ('position', 'velocity')
+             for pair in (*damped, *slides.values()) for axis in 'xy']  # fmt: skip
+    names += [f'bearing_force.ground_disk.{key}.{axis}' for key in slides for axis in 'xy']
+    seen = ms.simulate(scene, duration=0.3).sample(t, 'shaking_moment', 'drive_torque', *names)
+
+    def about_the_axis(pair, what):
+        (x, y), (fx, fy) = (
+            [seen[f'{n}{a}'] for a in 'xy'] for n in (f'position.disk.{pair}', what)
+        )
+        return x * fy - y * fx
+
+    moment = -seen['drive_torque']
+    for pair, size in damped.items():
+        moment += size * about_the_axis(pair, f'velocity.disk.{pair}')
+    for key, pair in slides.items():
+        moment -= about_the_axis(pair, f'bearing_force.ground_disk.{key}.')
+    assert np.abs(moment).max() > 1e-3
+    assert seen['shaking_moment'] == pytest.approx(moment, rel=1e-9, abs=1e-12)
 
 
 WRONG = {

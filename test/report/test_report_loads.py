@@ -20,7 +20,8 @@ from mechanism_sim.units import written
 def test_a_peak_of_microseconds_is_named_as_such():
     short = LoadPeak('pin', 12930.0, 1.5, 0.5, 3.1e-6, 0.0251, True)
     long = LoadPeak('crank_pin', 700.0, 1.5, 0.5, 0.02, 9.0, True)
-    summary = LoadSummary(None, (short, long), LoadPeak('drive', -2.0, 1.0, 0.5, 0.5, 1.0, False))
+    drive = LoadPeak('drive', -2.0, 1.0, 0.5, 0.5, 1.0, False, 'N m')
+    summary = LoadSummary(None, (short, long), drive)
     levels = {'pin': 450.0, 'crank_pin': 650.0, 'drive': 1.9}
     assert load_rows('crank', summary, levels)[1:] == [
         ('pin', '12.93 kN', '1.5', '28.65 deg', '3.1 µs', '25.1 mN s', '450 N'),
@@ -58,8 +59,9 @@ def test_a_main_drive_without_torque_is_not_told_by_the_force_of_another():
         'drive': {'coordinate': 'arm', 'torque': {}, 'speed': '5 rad/s'},
         'drives': {'slide': {'speed': '0.1 m/s', 'acceleration': '3 m/s^2'}},
     })  # fmt: skip
-    *_, row = loads(ChartedRun(simulated(machine, duration=1.0), 0)).table
+    *_, row, other = loads(ChartedRun(simulated(machine, duration=1.0), 0)).table
     assert row[:2] == ('drive', '0 N m')
+    assert other[:2] == ('drive of slide', '6 N')
 
 
 def test_loads_of_a_run_are_those_of_its_measures():
@@ -80,6 +82,23 @@ def test_loads_of_a_run_are_those_of_its_measures():
         unit = 'N m' if row[0] == 'drive' else 'N'
         assert row[1].lstrip('-') == written(most, unit)
         assert float(row[-1].split()[0]) == pytest.approx(level, rel=5e-3), row
+
+
+def test_loads_of_all_drives_are_told():
+    """As measures have them; it was the main drive alone."""
+    record = simulated('loader', duration=0.5)
+    head, *rows = loads(ChartedRun(record, 0)).table
+    taken = Measurement(record.machine, [
+        f'{what}(abs(drive_torque.{c}){more})' for c in ('lift_rod', 'bucket_rod')
+        for what, more in (('max', ''), ('percentile', ', 99.9'))
+    ])  # fmt: skip
+    taken.add(record.piece)
+    exact = [m.value for m in taken.found()]
+    names = 'drive', 'drive of bucket_rod'
+    for row, name, most, level in zip(rows[-2:], names, exact[::2], exact[1::2], strict=True):
+        assert row[:2] == (name, written(most, 'N'))
+        assert row[-1] == written(level, 'N')
+    assert head[-1] == '99.9 % of the time at most'
 
 
 def test_the_start_of_a_run_can_be_left_out(tmp_path, monkeypatch):

@@ -18,6 +18,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.mesh.pair import Path
 
@@ -42,6 +45,25 @@ class Elasticity:
         )
         if least <= 0.0:
             raise InputError('the stiffness of the teeth becomes negative: vary it less')
+
+    def energy_slope(self, turned: Array, offset: Array, play: float) -> Array:
+        """Derivative of the potential by the phase of the first, ``k'(u) x^2/2`` (N,) [J/rad].
+
+        Parameters
+        ----------
+        turned : N a of the first gear (N,) [rad]
+        offset : h of its flank with the transmission error (N,) [m]
+        play : backlash to either side [m]
+        """
+        found = np.zeros_like(offset)
+        for sign in (1.0, -1.0):
+            u, pressed = (
+                turned + sign * self.lead - self.tooth,
+                np.maximum(sign * offset - play, 0.0),
+            )
+            for j, a in enumerate(self.variation, 1):
+                found -= 0.5 * self.stiffness * j * a * np.sin(j * u) * pressed**2
+        return found
 
 
 def touching(path: Path, base_pitch: float, harmonics: int = HARMONICS) -> tuple[float, ...]:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
+from mechanism_sim.arrays import Array
 from mechanism_sim.joints.mesh.compliance import Elasticity
 from mechanism_sim.joints.mesh.involute import Gear
 from mechanism_sim.planar.mechanism import HigherPair, Prismatic
@@ -34,6 +38,11 @@ class Harmonic:
     order: float  #: wave number [1/rad], or [1/m] for a rack
     amplitude: float  #: [m] along the line of action
     start: float = 0.0  #: position of zero [rad, m]
+
+    def at(self, places: Sequence[Array]) -> tuple[Array, Array]:
+        """Error [m] and its derivative by the position of its member, where both are (N,)."""
+        turn = self.order * (places[self.member] - self.start)
+        return self.amplitude * np.sin(turn), self.amplitude * self.order * np.cos(turn)
 
 
 @dataclass(frozen=True)

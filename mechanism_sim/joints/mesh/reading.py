@@ -64,27 +64,30 @@ def read_mesh(joint: PlacedMesh, view: PairView) -> GearReading:
         joint.sign * (x * fx + y * fy),
         np.abs(tangential) * math.tan(joint.helix_angle),
     )
-    efforts = view.moment_on_first(view.place(joint.first, joint.on_first)), view.moment
+    efforts = [view.moment_on_first(view.place(joint.first, joint.on_first)), view.moment]
     if joint.guide is not None:
         way = view.turning(joint.carrier).position + joint.guide.axis
-        efforts = efforts[0], fx * np.cos(way) + fy * np.sin(way)
+        efforts[1] = fx * np.cos(way) + fy * np.sin(way)
+    # errors and stiffness that change with an angle add couples to the force along the row
+    along = -joint.sign * tangential / math.cos(joint.pressure_angle)  # see `MeshClosure.wrench`
+    offset = joint.per_phase * ahead
+    for harmonic in joint.errors:
+        error, slope = harmonic.at((first, second))
+        offset = offset + error
+        efforts[harmonic.member] = efforts[harmonic.member] + along * slope
+    if joint.elasticity is not None:
+        turned = joint.waves[0] * first
+        change = joint.waves[0] * joint.elasticity.energy_slope(turned, offset, joint.play)
+        efforts[0] = efforts[0] - change
     passing = np.abs(joint.waves[0] * rate) / (2.0 * math.pi)
     flanks = _flanks(joint, view, tangential)
-    return _reading(joint, view, joint.per_phase * ahead, force, efforts, passing, flanks)
+    torques = efforts[0], efforts[1]
+    return _reading(joint, view, joint.per_phase * ahead, force, torques, passing, flanks)
 
 
-def read_ratio(
-    joint: HigherPair, ratio: float, view: PairView, effort: Array | None = None
-) -> GearReading:
-    """A ratio without teeth, of which the torques are known: they neither take nor give power.
-
-    Parameters
-    ----------
-    effort : effort on the second (N,) [N m], or [N] if sliding; by default the joint's moment
-    """
+def read_ratio(joint: HigherPair, efforts: tuple[Array, Array], view: PairView) -> GearReading:
+    """A ratio without teeth, of which the efforts on both (N,) [N m, N] are known."""
     unknown = np.full(view.count, np.nan)
-    second = view.moment if effort is None else effort
-    efforts = -ratio * second, second
     mode = _walls(view)
     if mode is None:
         mode = np.full(view.count, MeshMode.MESHED, np.uint8)
@@ -138,7 +141,7 @@ def _flanks(joint: PlacedMesh, view: PairView, tangential: Array) -> NDArray[np.
         return found
     if joint.elasticity is None:
         return np.full(len(tangential), MeshMode.MESHED, np.uint8)
-    row = -joint.sign * tangential  # see `MeshClosure.wrench`
+    row = -joint.sign * tangential
     return _one_of(row < 0.0, row > 0.0)
 
 

@@ -57,15 +57,21 @@ class Transmission(HigherPair):
         return TransmissionClosure(self, mechanism)
 
     def reading(self, view: PairView) -> GearReading:
-        """Motion and torques; of links that slide the forces along their guides."""
-        effort = None
+        """Motion and torques; of links that slide the forces along their guides.
+
+        Both give together the power that friction takes; at rest it is not known, and left out.
+        """
+        second = view.moment
         if self.guides:
             guide = self.guides[1]
             way = view.turning(guide.first).position + guide.axis
             fx, fy = view.force
-            effort = fx * np.cos(way) + fy * np.sin(way)
-            effort = effort if guide.second == self.second else -effort
-        return read_ratio(self, float(self.ratio), view, effort)
+            second = fx * np.cos(way) + fy * np.sin(way)
+            second = second if guide.second == self.second else -second
+        carrier = view.turning(self.carrier).velocity
+        rate = view.trajectory(self.first, self.on_first).velocity - carrier
+        lost = np.divide(view.friction_loss, rate, out=np.zeros_like(rate), where=rate != 0.0)
+        return read_ratio(self, (-float(self.ratio) * second - lost, second), view)
 
     @property
     def waves(self) -> tuple[int, int]:

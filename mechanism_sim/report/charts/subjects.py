@@ -84,25 +84,27 @@ def loads(charted: ChartedRun) -> ChartSection | None:
         return None if record.slides else float(record.angle(np.array([t]))[0]) % math.tau
 
     found = peaks.peaks()  # zero is said of the main drive alone, which is the first of drives
-    main = f'drive_torque.{record.machine.plan.main}'
+    machine = record.machine
+    main = f'drive_torque.{machine.plan.main}'
     found = {name: peak for name, peak in found.items() if peak.value or name == main}
-    known = load_summary(found, peaks.shapes(), angle, slides=record.slides)
+    known = load_summary(found, peaks.shapes(), angle, sliding=machine.physics.displacements)
     if known is None:
         return None
     levels: dict[str, float] = {}
     for name, peak in found.items():
         kind, _, of = name.removesuffix('.size').partition('.')
-        drive = kind == 'drive_torque'
-        if (line := kind if drive else name) in run.quantities:
+        line = kind if name == main else name
+        if line in run.quantities:
             level = min(run.levels.reached(line, SHARE), abs(peak.value))
-            levels.setdefault('drive' if drive else of, level)
+            drive = 'drive' if name == main else f'drive of {of}'
+            levels.setdefault(drive if kind == 'drive_torque' else of, level)
     text = (
         'Forces and torques between impacts, without their impulses. The duration is the time '
         'around the largest value in which the load is above half of it, the impulse that of '
         'this time.'
     )
     notes = [f' {note}.' for note in peaks_of(known, levels)]
-    table = tuple(load_rows(record.machine.plan.main, known, levels))
+    table = tuple(load_rows(machine.plan.main, known, levels))
     return ChartSection('loads', 'Largest loads', text + ''.join(notes), (), table=table)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.physics import DynamicPhysics, is_force_open
 from mechanism_sim.planar.configuration import Poses
-from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.protocols import MotionBound
@@ -26,16 +25,15 @@ def of_joints(machine: Machine) -> Iterator[Quantity]:
     """
     if not machine.physics.has_forces:
         return
-    rubbing = {friction.name: friction for friction in machine.plan.frictions(machine.mechanism)}
     for i, joint in enumerate(machine.mechanism.joints):
-        friction = rubbing.get(joint.name)
-        moment = friction is not None or _transmits_moment(machine, joint)
+        friction = joint.name in machine.physics.frictions
+        moment = friction or _transmits_moment(machine, joint)
         open_ = machine.physics.undetermined.get(joint.name, frozenset())
         if is_force_open(machine.physics.undetermined, joint.name):
             open_ |= {'size', 'direction'}
         yield from (q for q in _of_joint(i, joint.name, moment) if q.part not in open_)
         if friction:
-            yield _loss(i, friction)
+            yield _loss(joint)
         if GROUND not in (joint.first, joint.second) and not open_:
             yield _power(joint)
 
@@ -56,13 +54,12 @@ def _of_joint(i: int, joint: str, transmits_moment: bool) -> Iterator[Quantity]:
     yield direction(name, words, joint, force, Shown.CYCLE)
 
 
-def _loss(i: int, friction: JointFriction) -> Quantity:
+def _loss(joint: Joint) -> Quantity:
     def loss(view: View) -> Array:
-        o = view.observed
-        return friction.loss(o.reaction[i], o.reaction_moment[i], o.local, o.velocity)
+        return view.joint(joint).friction_loss
 
-    words = f'power lost to friction in {friction.name}'
-    return Quantity(f'friction_loss.{friction.name}', 'W', words, friction.name, loss, Shown.CYCLE)
+    words = f'power lost to friction in {joint.name}'
+    return Quantity(f'friction_loss.{joint.name}', 'W', words, joint.name, loss, Shown.CYCLE)
 
 
 def _power(joint: Joint) -> Quantity:

@@ -244,6 +244,62 @@ def test_transmission_errors_shift_the_wheel():
     assert np.abs(o.velocity[1] / o.velocity[0] + 0.5 + rate / base).max() < 1e-12
 
 
+ERRORS = {'amplitude': '20 um', 'order': 2, 'eccentricity': ['10 um', '15 um']}
+PLAY = {'joints.mesh.backlash': {'width': '0.1 mm', 'restitution': 0.4}}
+
+
+@pytest.mark.parametrize(
+    ('scene', 'overrides'),
+    [
+        ('gear_pair', {}),
+        ('gear_pair', PLAY),
+        ('mesh_stiffness', {}),
+        ('mesh_stiffness', {'joints.mesh.backlash': None}),
+    ],
+    ids=['rigid', 'rigid with play', 'elastic with play', 'elastic'],
+)
+def test_torques_of_teeth_with_errors_accelerate_the_shafts(scene, overrides):
+    """Euler's law of either shaft, with its drive and its brake."""
+    machine = loaded(scene, {'joints.mesh.error': ERRORS, **overrides})
+    t, names = np.linspace(1e-4, 0.02, 101), ('pinion', 'wheel')
+    run = ms.simulate(machine, duration=0.02)
+    seen = run.sample(t, *(f'{n}_torque.mesh' for n in ('first', 'second')), 'drive_torque',
+                      *(f'acceleration.{n}' for n in names), 'velocity.wheel')  # fmt: skip
+    needed = [machine.mechanism.body(n).inertia * seen[f'acceleration.{n}'] for n in names]
+    given = seen['drive_torque'], -0.2 * seen['velocity.wheel']
+    for which, need, other in zip(('first', 'second'), needed, given, strict=True):
+        size = np.abs(other).max()
+        assert seen[f'{which}_torque.mesh'] == pytest.approx(need - other, abs=1e-11 * size)
+
+
+RUBBING = {'joints.pair.friction': {'coefficient': 0.1}}
+CHAIN = {'joints.belt': {'belt': ['motor', 'fan'], 'radii': [0.04, 0.1],
+                         'friction': {'efficiency': 0.95}}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('scene', 'joint', 'overrides'),
+    [
+        ('bevel_pair', 'pair', RUBBING),
+        ('worm_drive', 'pair', RUBBING),
+        ('worm_drive', 'pair', RUBBING | {'drive.speed': '-1500 rpm'}),
+        ('worm_drive', 'pair', RUBBING | {'joints.pair.hand': 'left'}),
+        ('worm_drive', 'pair', RUBBING | {
+            'drive': {'coordinate': 'worm', 'torque': {'constant': '3 N m'}}}),
+        ('belt_drive', 'belt', CHAIN),
+    ],
+)  # fmt: skip
+def test_torques_of_pairs_with_friction_accelerate_the_shafts(scene, joint, overrides):
+    """Euler's law of the first shaft with its drive: friction adds to what the second takes."""
+    machine = loaded(scene, overrides)
+    first, t = machine.mechanism.joint(joint).first, np.linspace(1e-3, 0.02, 21)
+    asked = f'first_torque.{joint}', f'acceleration.{first}', 'drive_torque'
+    seen = ms.simulate(machine, duration=0.02).sample(t, *asked)
+    torque, change, drive = (seen[name] for name in asked)
+    needed = machine.mechanism.body(first).inertia * change
+    assert torque == pytest.approx(needed - drive, abs=1e-10 * np.abs(drive).max())
+
+
 def test_two_planets_fit_only_where_their_teeth_find_spaces():
     def scene(angle):
         at = 0.048 * np.array([math.cos(angle), math.sin(angle)])
