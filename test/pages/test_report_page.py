@@ -17,6 +17,7 @@ import mechanism_sim as ms
 from mechanism_sim import output
 from mechanism_sim.analysis.comparison import compare, run_names, scene_differences
 from mechanism_sim.analysis.record import read_record
+from mechanism_sim.pages import recorded as module
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import NEAR, recorded
@@ -402,6 +403,26 @@ def test_no_number_of_a_table_is_cut_in_two(tab, tmp_path, record):
         })"""
     )
     assert lines == [True] * 14
+
+
+def test_no_pin_is_drawn_beyond_its_wall(tab, tmp_path, record, monkeypatch):
+    """Also where cubics through few instants go there."""
+    monkeypatch.setattr(module, 'MOST', 60)
+    run = recorded(record)
+    assert run.away > 0.1
+    file = tmp_path / 'coarse.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    far = tab.page.evaluate(
+        """async () => {
+            const { Recording } = await import('player');
+            const run = new Recording(JSON.parse(document.getElementById('data').textContent));
+            return Array.from({ length: 2000 }, (_, k) => (
+                Math.hypot(...run.at(run.start + k / 2000 * (run.end - run.start)).pins[0])));
+        }"""
+    )
+    assert 0.99 * CLEARANCE < max(far) <= CLEARANCE * (1.0 + 1e-6)
+    assert tab.complaints == []
 
 
 @pytest.mark.slow
