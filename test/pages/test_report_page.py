@@ -320,11 +320,18 @@ def test_no_entry_of_a_legend_is_under_the_buttons_of_its_chart(opened):
     k = max(range(5), key=lambda i: entries[i][2])
     hidden = 'place => place._fullData.filter(x => x.visible !== true).map(x => x.name)'
     assert place.evaluate(hidden) == []
-    for count in (1, 0):
+    entry = place.locator('.legendtoggle').nth(k)
+    for count, by_key in ((1, False), (0, True), (1, True), (0, False)):
         opened.wait_for_timeout(400)  # two clicks would be a double one
-        place.locator('.legendtoggle').nth(k).click()
+        if by_key:
+            entry.focus()
+            opened.keyboard.press('Enter')
+        else:
+            entry.click()
         when(opened, f"{count} === document.querySelector('{chart} .plot')"
              "._fullData.filter(x => x.showlegend && x.visible !== true).length")  # fmt: skip
+        assert entry.get_attribute('aria-pressed') == ('false' if count else 'true')
+        assert entry.get_attribute('aria-label') == 'rocker_ground'
 
 
 def test_numbers_around_round_charts_are_not_cut(tab, tmp_path, record):
