@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import reprlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -90,6 +91,18 @@ def nearest(
     ]
     said = ' or '.join(f"'{x}'" for x in [*close[:1], *deeper])
     return f'; did you mean {said}?' if said else ''
+
+
+def nearest_file(path: Path, endings: Sequence[str], alike: bool = True) -> str:
+    """Clause on a file of these endings with the same name but its ending, or one `alike`."""
+    try:
+        others = sorted(x.name for x in path.parent.iterdir() if x.name.endswith(tuple(endings)))
+    except (OSError, ValueError):
+        return ''
+    for name in others:
+        if Path(name).stem == path.stem:
+            return f"; did you mean '{path.with_name(name)}'?"
+    return nearest(path.name, others, 0.8) if alike else ''
 
 
 def other_word(word: str, words: Mapping[str, str]) -> str:

@@ -30,7 +30,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import CsvTable, assume, named_unit, read_csv
-from mechanism_sim.errors import InputError, check_known, quoted
+from mechanism_sim.errors import InputError, check_known, nearest_file, quoted
 from mechanism_sim.packages import needed
 from mechanism_sim.tables import ENDINGS
 from mechanism_sim.units import QuantityValue, parted, to_si
@@ -180,7 +180,7 @@ def read_signals(
     if reader is None:
         raise InputError(f'{path} is no file of signals: expected {", ".join(READERS)}')
     if not path.is_file():
-        raise InputError(f'{path} does not exist')
+        raise InputError(f'{path} does not exist{nearest_file(path, [*READERS])}')
     if full_scale and reader is not _wav:
         raise InputError(f'{path} has units of its own: a full scale is for WAV')
     if rate and reader is not _table:

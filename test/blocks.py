@@ -229,7 +229,7 @@ def _shell(text: str, given: str = '') -> subprocess.CompletedProcess[str]:
 
 def workplace(folder: Path) -> dict[str, str]:
     """Make a folder look like that of the repository, and give an environment to work in it."""
-    (folder / 'docs' / 'pictures').mkdir(parents=True)
+    (folder / 'docs').mkdir()
     for file in (ROOT / 'docs').glob('*.py'):
         (folder / 'docs' / file.name).symlink_to(file)
     for name in ('config', 'msg', 'docs/books'):

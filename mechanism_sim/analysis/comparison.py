@@ -25,6 +25,8 @@ from mechanism_sim.units import for_people, given, number
 
 _BRIEF = 48  # letters of the name of a run
 _FEW = 32  # lines below a band
+_NONE = '–'
+_ROUNDING = 1e-12  # share of the greatest of its kind, as for a cycle
 _OCTAVES = 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000  # [Hz] IEC 61260-1, nominal
 
 
@@ -125,12 +127,11 @@ def _energy(record: Record) -> dict[Key, float]:
     if not physics.has_forces:
         return {}
     samples = record.piece.view(np.array([record.start, record.end]))
-    return {
-        ('energy', '', word, 'J'): float(values[-1] - values[0])
-        for word, values in (
-            ('work of drives', samples.drive_work), ('dissipated', samples.dissipated)
-        )
-    }  # fmt: skip
+    works = {'work of drives': samples.drive_work, 'dissipated': samples.dissipated}
+    held = samples.observed.kinetic_energy, samples.observed.potential_energy
+    nothing = _ROUNDING * max(float(np.abs(x).max()) for x in (*held, *works.values()))
+    amounts = {word: float(values[-1] - values[0]) for word, values in works.items()}
+    return {('energy', '', w, 'J'): x if abs(x) > nothing else 0.0 for w, x in amounts.items()}
 
 
 def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
@@ -200,7 +201,7 @@ def texts(d: Difference) -> Iterator[str]:
     yield unit
     pair = [(d.change, scale, '+'), (d.ratio, 1.0, '')] if len(d.values) == 2 else []
     for x, by, sign in (*((x, scale, '') for x in d.values), *pair):
-        yield number(by * x, 4, sign) if math.isfinite(x) else '–'
+        yield number(by * x, 4, sign) if math.isfinite(x) else _NONE
 
 
 def scene_differences(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
@@ -208,20 +209,23 @@ def scene_differences(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
     leaves = [dict(_leaves(as_written(scene))) for scene in scenes]
     found = {}
     for path in dict.fromkeys(path for own in leaves for path in own):
-        values = tuple(own.get(path, '–') for own in leaves)
+        values = tuple(own.get(path, _NONE) for own in leaves)
         if len(set(values)) > 1 and path not in ('title', 'description'):
             found[path] = values
     return found
 
 
 def run_names(found: Mapping[str, tuple[str, ...]], sources: Sequence[str]) -> tuple[str, ...]:
-    """Names of runs by what differs in their scenes; by their sources where that is much."""
+    """Names of runs by what differs in their scenes; by their sources where that is much.
+
+    So where a scene has no value of a key, as an ideal joint has no clearance.
+    """
     brief = [', '.join(f'{_last(path)} {values[k]}' for path, values in found.items())
              for k in range(len(sources))]  # fmt: skip
-    if found and len(set(brief)) == len(brief) and max(map(len, brief)) <= _BRIEF:
-        return tuple(brief)
-    if len(set(sources)) == len(sources) and max(map(len, sources)) <= _BRIEF:
-        return tuple(sources)
+    lacking = any(_NONE in values for values in found.values())
+    for names in (sources, brief) if lacking else (brief, sources):
+        if all(names) and len(set(names)) == len(names) and max(map(len, names)) <= _BRIEF:
+            return tuple(names)
     return tuple(f'run {k + 1}' for k in range(len(sources)))
 
 

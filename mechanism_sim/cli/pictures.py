@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output
 from mechanism_sim.cli.options import (
+    TABLES,
     Command,
     flag,
     look_options,
@@ -83,8 +84,8 @@ def add(command: Command) -> None:
     )  # fmt: skip
     several(
         sub, '-o --output', 'FILE',
-        '.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be given '
-        'for both; SCENE_plot.svg if not given',
+        f'a .svg, .png or .pdf file for the plot, {TABLES} for the numbers; may be given for '
+        'both; SCENE_plot.svg if not given',
     )  # fmt: skip
     option(
         sub, '--against', 'angle|NAME',

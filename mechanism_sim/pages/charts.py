@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,8 @@ _INCH = 118.0  # [pixels] of a panel's height
 _WIDTH = 560.0  # [pixels] that legends are sure of
 _LETTER, _KEY, _LEGEND = 6.3, 46.0, 19.0  # [pixels] of a letter and a sample of legends, of lines
 _FOOT, _GAP, _HEAD, _TITLE = 44, 16, 10, 18  # [pixels] below and above panels, of their titles
-_DISC, _ROUND = 260, 30  # [pixels] of round ones, and around them
+_DISC, _ROUND = 260, 32  # [pixels] of round ones, and around them
+_DIGITS = 5  # letters of numbers before the unit on their circles
 _APART = 0.17  # distance of adjacent panels, as a share of the width
 _PIXEL = 1.25  # pixels in a point of a line
 _AXIS = {
@@ -106,7 +107,7 @@ class _PlotlyFigure:
         ]
         inner = sum(tall) + sum(heads[1:]) + sum(feet[:-1])
         round_ = rows[0][0].form == 'polar'
-        side = {'l': _ROUND, 'r': _ROUND} if round_ else {'l': 56, 'r': 16}
+        side = _beside(rows[0]) if round_ else {'l': 56, 'r': 16}
         self.layout |= {
             'margin': {**side, 't': heads[0], 'b': _ROUND if round_ else feet[-1]},
             'height': round(inner + heads[0] + (_ROUND if round_ else feet[-1])),
@@ -237,6 +238,17 @@ class _PlotlyFigure:
             'hoverinfo': 'skip', 'xaxis': where['xaxis'], 'yaxis': 'y' + own,
             'showlegend': True, 'legend': 'legend' + n, 'meta': [k, 'struck'],
         })  # fmt: skip
+
+
+def _beside(row: Sequence[Panel]) -> _Json:
+    """Margins of round panels: the number of the last circle lies outside of it."""
+    found = {'l': float(_ROUND), 'r': float(_ROUND)}
+    for panel in row:
+        way = round(np.cos(np.radians(panel.free)))  # 0: there is room above or below
+        if way:
+            reach = _LETTER * (_DIGITS + len(typeset(panel.y.unit))) - 5.0
+            found['r' if way > 0 else 'l'] = max(_ROUND, reach)
+    return found
 
 
 def _axis(axis: Axis, panel: Panel, side: str) -> _Json:

@@ -7,17 +7,21 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.export.stage import Stage, StageFrames, Swaying, packed, stage_of
 from mechanism_sim.results.run import instants
+from mechanism_sim.scene import Machine
 
 PER_TURN = 120
 """Instants in a turn of the main drive."""
 NEAR = 1e-3
 """Share of the clearance by which a pin may be off its place between two instants."""
+AWAY = 0.05
+"""The same share, by which a pin is visibly elsewhere."""
 MOST = 20_000
 """Instants of a run at most, beside those at events; and impacts."""
 
@@ -37,6 +41,7 @@ class Recorded:
     impacts : the hardest of them, in the order of time
     hardest : impulse [N s] of the hardest; 0 if there is none
     left_out : number of impacts not among them
+    away : share of the time in which a pin is shown more than `AWAY` from its place
     """
 
     record: Record
@@ -45,6 +50,7 @@ class Recorded:
     impacts: list[Impact]
     hardest: float
     left_out: int
+    away: float
 
     def to_json(self) -> dict[str, Any]:
         """Plain data of the run; see `Stage.to_json`, `StageFrames.packed`."""
@@ -83,15 +89,29 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
     t = times_of(record, most, most // 8)
     parts = []
+
+    def framed(t: Array) -> StageFrames:
+        view = record.piece.view(t)
+        return stage.frames(t, view.observed, view.modes, sway(t))
+
     for first in range(0, len(t), _BLOCK):
         some = t[first : first + _BLOCK]
-        view = record.piece.view(some)
-        parts.append(stage.frames(some, view.observed, view.modes, sway(some)))
+        parts.append(framed(some))
         if show:
             show(float(some[-1]), int(np.searchsorted([i.t for i in kept], some[-1])))
     hardest = max((i.normal_impulse for i in kept), default=0.0)
     left_out = len(hardest_first) - len(kept)
-    return Recorded(record, stage, StageFrames.joined(parts), kept, hardest, left_out)
+    frames = StageFrames.joined(parts)
+    away = _away(record.machine, frames, framed(0.5 * (many[1:] + many[:-1])))
+    return Recorded(record, stage, frames, kept, hardest, left_out, away)
+
+
+def _away(machine: Machine, frames: StageFrames, true: StageFrames) -> float:
+    """Share of instants at which a pin is not where the cubics of a page have it."""
+    cubics = scipy.interpolate.CubicHermiteSpline(frames.t, frames.pins, frames.pin_rates)
+    off = cubics(true.t) - true.pins
+    radial = np.array([machine.plan.clearances[joint.name].radial for joint in machine.bearings])
+    return float((AWAY * radial < np.hypot(*off.T).T).any(axis=1).mean())
 
 
 def together(*runs: Recorded) -> tuple[Recorded, ...]:

@@ -15,7 +15,7 @@ from mechanism_sim.analysis.comparison import Difference, texts
 from mechanism_sim.catalogue import installed_version
 from mechanism_sim.pages.assets import embedded, import_map, render, styles
 from mechanism_sim.pages.charts import NIGHT, figure
-from mechanism_sim.pages.recorded import Recorded
+from mechanism_sim.pages.recorded import AWAY, Recorded
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.sections import SummaryRow
 from mechanism_sim.report.summary import head
@@ -25,6 +25,7 @@ MODULES = (
     'html', 'svg', 'stage', 'lens', 'player', 'saving', 'charts', 'curves', 'keys', 'zoom',
     'report',
 )  # fmt: skip
+_OFTEN = 0.02  # share of the time
 
 
 class Family(NamedTuple):
@@ -147,6 +148,13 @@ def turn(run: Recorded) -> float | None:
 def _facts(run: Recorded, source: str, digest: str) -> list[SummaryRow]:
     """Facts in the header; a digest is cut, with the whole as hover text."""
     rows = [*head(run.record, digest, len(run.impacts) if run.left_out else None)]
+    if run.away > _OFTEN:
+        near, often = (f'{100 * x:.0f} %' for x in (AWAY, run.away))
+        words = (
+            f'pins are off by more than {near} of the clearance for {often} of the time: --from '
+            'and --to give a part all of its instants'
+        )
+        rows.append(SummaryRow('instants', f'{len(run.frames.t)}', words=words))
     if source:
         rows.append(
             SummaryRow('recorded in', source if run.record.complete else f'{source}, cut short')

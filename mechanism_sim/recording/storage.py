@@ -29,7 +29,7 @@ from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from zstandard import ZstdDecompressor, ZstdError
 
 from mechanism_sim import documents
-from mechanism_sim.errors import InputError, quoted
+from mechanism_sim.errors import InputError, nearest_file, quoted
 from mechanism_sim.packages import reason
 from mechanism_sim.recording.runs import BAG_ENDINGS
 
@@ -115,13 +115,17 @@ def _survey(path: Path) -> FileLayout:
         return from_index(path, stream) or _from_records(path, stream)
 
 
+def _absent(path: Path) -> InputError:
+    return InputError(f'{path} does not exist{nearest_file(path, BAG_ENDINGS)}')
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[BinaryIO]:
     """An MCAP file, open for reading; InputError if there is none, or it cannot be read."""
     try:
         stream = path.open('rb')
     except FileNotFoundError:
-        raise InputError(f'{path} does not exist.') from None
+        raise _absent(path) from None
     except OSError as error:
         raise InputError(f'{path} cannot be read: {error.strerror or error}.') from error
     with stream:
@@ -438,7 +442,7 @@ def _part(path: Path) -> BagFile:
             with path.open('rb') as packed, target.open('wb') as plain:
                 ZstdDecompressor().copy_stream(packed, plain)
         except FileNotFoundError:
-            raise InputError(f'{path} does not exist.') from None
+            raise _absent(path) from None
         except ZstdError as error:
             raise DamagedBagError(f'{path} is damaged ({reason(error)}).') from error
         path = target
@@ -453,7 +457,7 @@ def _part(path: Path) -> BagFile:
 def _database(path: Path) -> Iterator[sqlite3.Connection]:
     """An SQLite bag, open for reading; errors of it as one sentence."""
     if not path.is_file():
-        raise InputError(f'{path} does not exist.')
+        raise _absent(path)
     try:
         with closing(
             sqlite3.connect(f'file:{quoted_address(str(path))}?mode=ro', uri=True)

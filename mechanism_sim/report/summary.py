@@ -275,7 +275,8 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
         fewer = '' if hardest is None else f'the hardest {hardest} shown'
         yield SummaryRow('impacts', f'{len(record.piece.impacts)}', words=fewer)
     yield SummaryRow('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')
-    yield SummaryRow('digest', digest or record.digest())
+    label = 'digest' if digest or record.whole is None else 'digest of this part'
+    yield SummaryRow(label, digest or record.digest())
 
 
 def _turns_of(record: Record) -> str:

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.errors import InputError, nearest, nearest_file, quoted
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene.facts import COMPONENTS
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
@@ -29,6 +29,7 @@ MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Sc
 
 Model = TypeVar('Model', bound=BaseModel)
 
+_ENDINGS = '.yaml', '.yml'
 _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
 
 
@@ -113,27 +114,15 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     known = sorted(path.stem for path in folder.glob('*.yaml'))
     if is_other and name not in known:  # a pipe
         raise InputError(f"'{name}' is not a regular file: write the {kind} into one")
-    if path.suffix in ('.yaml', '.yml'):
-        raise InputError(f"there is no {kind} file '{name}'{_beside(path)}")
+    if path.suffix in _ENDINGS:
+        raise InputError(f"there is no {kind} file '{name}'{nearest_file(path, _ENDINGS)}")
     if name not in known:
-        hint = _beside(Path(f'{name}.yaml'), alike=False) or nearest(name, known)
+        hint = nearest_file(Path(f'{name}.yaml'), _ENDINGS, alike=False) or nearest(name, known)
         raise InputError(
             f"there is no {kind} '{name}'{hint}; {known_by}, and a path ending in .yaml reads "
             'your own'
         )
     return folder / f'{name}.yaml'
-
-
-def _beside(path: Path, alike: bool = True) -> str:
-    """A clause on a file with the same name but its ending, or one `alike`; else nothing."""
-    try:
-        others = sorted(x.name for x in path.parent.glob('*.y*ml') if x.is_file())
-    except (OSError, ValueError):
-        return ''
-    for name in others:
-        if Path(name).stem == path.stem:
-            return f"; did you mean '{path.with_name(name)}'?"
-    return nearest(path.name, others, 0.8) if alike else ''
 
 
 def read_yaml(path: Path, kind: str, replaced: Collection[str] = ()) -> dict[str, Any]:

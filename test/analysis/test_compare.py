@@ -178,6 +178,17 @@ def test_a_run_does_not_differ_from_itself():
     assert [d for d in compare(record, record) if d.values[0] == d.values[0] and d.change] == []
 
 
+def test_work_that_is_rounding_of_the_energy_is_none():
+    """An ideal machine has its energy again after each turn: there is no ratio to its work."""
+    one, two = (
+        simulated(scene, revolutions=5) for scene in ('four_bar_nominal', 'four_bar_clearance')
+    )
+    work = next(d for d in compare(one, two) if d.name == 'work of drives')
+    view = two.piece.view(np.array([two.start, two.end]))
+    assert work.values == (0.0, np.ptp(view.drive_work) * np.sign(np.diff(view.drive_work)[0]))
+    assert math.isnan(work.ratio)
+
+
 def test_charts_have_the_lines_of_both_runs():
     one, two = (
         simulated(scene, revolutions=2) for scene in ('four_bar_nominal', 'four_bar_clearance')
@@ -225,6 +236,13 @@ def test_runs_are_named_by_what_differs_in_their_scenes(tmp_path):
     many = {f'key_{i}': ('1 mm', '2 mm') for i in range(9)}
     assert run_names(many, ['a.yaml', 'b.yaml']) == ('a.yaml', 'b.yaml')
     assert run_names({}, ['a', 'a']) == ('run 1', 'run 2')
+
+
+def test_a_run_without_a_key_is_named_by_its_source():
+    """An ideal joint has no clearance: `radial –` says less than the name of its scene."""
+    found = {'start': ('–', 'seated'), f'{PLAY}.radial': ('–', '0.254 mm')}
+    assert run_names(found, ['ideal', 'worn.mcap']) == ('ideal', 'worn.mcap')
+    assert run_names(found, ['a', 'a']) == ('start –, radial –', 'start seated, radial 0.254 mm')
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import socket
 import pytest
 from running import run, run_json
 
+from mechanism_sim import tables
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.server import HOST, PORT, Server
@@ -57,6 +58,33 @@ def test_a_bag_is_played_from_a_time_with_its_unit_on(capsys):
         main(['bag', 'play', 'none.mcap', '--from', '50 ms', '--delay', '1 ms'])
     assert end.value.code == 2
     assert 'none.mcap does not exist' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('name', 'hint'),
+    [
+        ('runn.mcap', "; did you mean 'run.mcap'?"),
+        ('run', "; did you mean 'run.mcap'?"),
+        ('rig.csv', "; did you mean 'rig.xlsx'?"),
+        ('other.mcap', ''),
+    ],
+)
+def test_a_file_that_is_not_there_is_told_with_the_nearest(name, hint, tmp_path, capsys):
+    for there in ('run.mcap', 'rig.xlsx', 'runn.txt'):
+        (tmp_path / there).touch()
+    with pytest.raises(SystemExit) as end:
+        main(['analyze', str(tmp_path / name)])
+    assert end.value.code == 2
+    hint = hint.replace("'r", f"'{tmp_path}/r") if name in ('run', 'rig.csv') else hint
+    said = f'mechanism-sim: {tmp_path / name} does not exist{hint}\n'
+    assert capsys.readouterr().err == said
+
+
+def test_help_of_plots_names_every_table_they_can_be(capsys):
+    with pytest.raises(SystemExit):
+        main(['plot', '--help'])
+    text = capsys.readouterr().out.partition('--output')[2].partition('--against')[0]
+    assert all(ending in text for ending in (*tables.ENDINGS, '.svg', '.png', '.pdf'))
 
 
 def test_a_time_with_a_unit_is_that_number_of_seconds():

@@ -81,6 +81,11 @@ def test_the_slider_over_a_diagram_plays_the_motion_there(tab, tmp_path):
                            arg=before)  # fmt: skip
     assert not tab.complaints
     assert not [r for r in tab.requests if not r.startswith('file:')]
+    # on a phone the player is below the slider, no part of the page is hidden in another
+    page.set_viewport_size({'width': 390, 'height': 844})
+    assert page.evaluate(
+        "(box => box.scrollHeight <= box.clientHeight)(document.getElementById('machine'))"
+    )
 
 
 @pytest.fixture(scope='module')

@@ -297,6 +297,36 @@ def test_sliders_move_the_machine_in_a_browser(browser, file, tmp_path, width, h
     context.close()
 
 
+def test_a_slider_that_has_the_focus_has_its_keys(tab, file):
+    """Home and End are its own, its text is the value with which the page computes."""
+    page = tab.page
+    open_page(tab, file)
+    slider = page.locator('input[data-path="links.rocker.length"]')
+
+    def sizes():
+        """Length of the rocker as shown, and the sum of all links by Grashof's rule [mm]."""
+        both = re.search(r'([\d.]+) [<>=] ([\d.]+) mm', page.inner_text('#figures'))
+        shown = slider.get_attribute('aria-valuetext')
+        assert page.locator('.slider', has=slider).locator('output').inner_text() == shown
+        return np.array([shown.removesuffix(' mm'), *both.groups()], float) @ [
+            [1, 0],
+            [0, 1],
+            [0, 1],
+        ]
+
+    rocker, total = sizes()
+    slider.focus()
+    for key, place in (('End', '1000'), ('ArrowLeft', ''), ('Home', '0'), ('ArrowRight', '')):
+        page.keyboard.press(key)
+        assert place in ('', slider.input_value())
+        now, of_all = sizes()
+        assert now != rocker
+        assert of_all - total == pytest.approx(now - rocker, abs=0.02)
+        rocker, total = now, of_all
+    assert page.get_attribute('#scrub', 'aria-valuetext') == page.inner_text('#drive')
+    assert tab.complaints == []
+
+
 @pytest.mark.slow
 def test_it_plays_there_and_back_between_limits(browser, file, tmp_path):
     tab = Tab(browser.new_page(), tmp_path)

@@ -195,19 +195,40 @@ def test_instants_of_a_run(loose):
     assert set(unpacked(told['impacts']['bearing']).tolist()) == {0}
 
 
-def test_a_pin_keeps_its_place_between_instants(loose):
-    """The cubics through places and rates, by another's formula, against the run."""
-    found = frames.recorded(loose).frames
-    t = np.sort(np.random.default_rng(1).uniform(0.0, loose.end, 2000))
+def away(run, found):
+    """Distances of a pin from its place at 2000 instants, in clearances of 0.254 mm.
+
+    By the cubics through places and rates of another's formula, against the run.
+    """
+    t = np.sort(np.random.default_rng(1).uniform(0.0, run.end, 2000))
     i = np.searchsorted(found.t, t, side='right') - 1
-    rough = loose.piece.view(t)
-    true = stage_of(loose.machine, rough.observed).frames(t, rough.observed, rough.modes)
+    rough = run.piece.view(t)
+    true = stage_of(run.machine, rough.observed).frames(t, rough.observed, rough.modes)
+    off = []
     for k in set(i.tolist()):
         cubic = CubicHermiteSpline(
             found.t[k : k + 2], found.pins[k : k + 2, 0], found.pin_rates[k : k + 2, 0]
         )
-        off = cubic(t[i == k]) - true.pins[i == k, 0]
-        assert np.hypot(*off.T).max() < 1.1 * frames.NEAR * 0.254e-3
+        off += np.hypot(*(cubic(t[i == k]) - true.pins[i == k, 0]).T).tolist()
+    return np.array(off) / 0.254e-3
+
+
+def test_a_pin_keeps_its_place_between_instants(loose):
+    found = frames.recorded(loose)
+    assert away(loose, found.frames).max() < 1.1 * frames.NEAR
+    assert found.away == 0.0
+    assert '<dt>Instants</dt>' not in report.page(found)
+
+
+@pytest.mark.parametrize('most', [30, 100, 200])
+def test_a_page_says_how_often_its_instants_are_too_few(loose, monkeypatch, most):
+    monkeypatch.setattr(frames, 'MOST', most)
+    found = frames.recorded(loose)
+    often = np.mean(away(loose, found.frames) > 0.05)
+    assert found.away == pytest.approx(often, abs=0.03)
+    said = re.search('<dt>Instants</dt><dd>([^<]*)', report.page(found))
+    assert (said is not None) == (found.away > 0.02) == (most < 200)
+    assert said is None or f'of the clearance for {100 * found.away:.0f} % of the time' in said[1]
 
 
 def test_a_long_run_does_not_grow_the_page(loose, monkeypatch):

@@ -15,10 +15,20 @@ from builders import EVERY_KIND, ROUGH, simulated
 
 import mechanism_sim as ms
 from mechanism_sim import output
+from mechanism_sim.analysis.comparison import compare, run_names, scene_differences
 from mechanism_sim.analysis.record import read_record
+from mechanism_sim.pages import recorded as module
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import NEAR, recorded
+from mechanism_sim.report.charts.chart import (
+    DIRECTION,
+    Axis,
+    Chart,
+    ChartCurve,
+    ChartSection,
+    Panel,
+)
 
 LENGTHS = {'ground': 0.387, 'crank': 0.064, 'coupler': 0.309, 'rocker': 0.312}
 CLEARANCE = 0.254e-3
@@ -109,8 +119,9 @@ def test_it_plays_and_stops(opened):
     opened.evaluate('() => new Promise(done => setTimeout(done, 120))')
     assert time_of(opened) == stopped
     assert len(places) == 2
-    told = float(opened.locator('#time').inner_text().removesuffix(' s'))
-    assert told == pytest.approx(stopped, abs=1e-5)
+    said = opened.locator('#time').inner_text()
+    assert float(said.removesuffix(' s')) == pytest.approx(stopped, abs=1e-5)
+    assert opened.get_attribute('#scrub', 'aria-valuetext') == said
 
 
 def test_it_plays_in_a_cell_of_a_notebook(browser, tmp_path):
@@ -295,6 +306,130 @@ def test_a_joint_under_the_pointer_lights_its_curves(opened):
     assert seen['position.coupler'] == '0.12'
     opened.mouse.move(700.0, 5.0)
     assert set(opened.evaluate(shades).values()) <= {'', None}
+
+
+def test_no_entry_of_a_legend_is_under_the_buttons_of_its_chart(opened):
+    """A click switches a line also where its entry is the last of a row."""
+    chart = 'figure[data-chart=forces]'
+    place = opened.locator(f'{chart} .plot')
+    place.scroll_into_view_if_needed()
+    opened.wait_for_selector(f'{chart} .legendtoggle')
+    entries = boxes(opened, f'{chart} .legendtoggle')
+    assert len(entries) == 5
+    assert overlapping([*entries, *boxes(opened, f'{chart} .modebar')]) == []
+    k = max(range(5), key=lambda i: entries[i][2])
+    hidden = 'place => place._fullData.filter(x => x.visible !== true).map(x => x.name)'
+    assert place.evaluate(hidden) == []
+    entry = place.locator('.legendtoggle').nth(k)
+    for count, by_key in ((1, False), (0, True), (1, True), (0, False)):
+        opened.wait_for_timeout(400)  # two clicks would be a double one
+        if by_key:
+            entry.focus()
+            opened.keyboard.press('Enter')
+        else:
+            entry.click()
+        when(opened, f"{count} === document.querySelector('{chart} .plot')"
+             "._fullData.filter(x => x.showlegend && x.visible !== true).length")  # fmt: skip
+        assert entry.get_attribute('aria-pressed') == ('false' if count else 'true')
+        assert entry.get_attribute('aria-label') == 'rocker_ground'
+
+
+def test_numbers_around_round_charts_are_not_cut(tab, tmp_path, record):
+    chart = []
+    for free, size in ((22.5, 0.25), (157.5, 0.4), (202.5, 0.25), (337.5, 0.4)):
+        x = free + 45.0 * np.arange(1, 8)
+        curve = ChartCurve(x, np.full(7, size), of='one')
+        panel = Panel(DIRECTION, Axis('work', 'mN m', low=0.0), (curve,), form='polar')
+        assert panel.free == free
+        chart.append(Chart(f'{free:g}', 'Work', (panel,), 'polar'))
+    file = tmp_path / 'round.html'
+    part = ChartSection('round', 'Round', '', chart)
+    output.write_text(file, report.page(recorded(record.between(0.0, 0.05)), [part]))
+    tab.page.set_viewport_size({'width': 1280, 'height': 800})
+    open_page(tab, file)
+    tab.page.locator('figure.chart').last.scroll_into_view_if_needed()
+    tab.page.wait_for_selector('figure[data-chart="337.5"] .plot.js-plotly-plot')
+    cut = tab.page.locator('.plot').evaluate_all(
+        """all => all.flatMap(plot => {
+            const out = plot.getBoundingClientRect();
+            return [...plot.querySelectorAll('.polarlayer text')].filter(text => {
+                const box = text.getBoundingClientRect();
+                return box.width && (box.left < out.left || box.right > out.right);
+            }).map(text => text.textContent);
+        })"""
+    )
+    assert cut == []
+    seen = tab.page.locator('.radial-axis text').all_text_contents()
+    assert sum(text.endswith(' mN·m') for text in seen) == 4
+    assert tab.complaints == []
+
+
+def test_long_names_of_runs_go_on_a_phone(tab, tmp_path):
+    other = {'start': 'centred', 'joints.coupler_rocker.clearance': {
+        'radial': '0.1 mm', 'restitution': 0.3}}  # fmt: skip
+    runs = [simulated('four_bar_clearance', x, duration=0.02) for x in ({}, other)]
+    keys = scene_differences([x.machine.scene for x in runs])
+    names = run_names(keys, ['a', 'b'])
+    assert max(map(len, names)) > 40
+    beside = report.ComparisonPage([recorded(runs[1])], names, keys, compare(*runs))
+    text = report.page(recorded(runs[0]), [ChartSection('a', 'A', '', ())], beside=beside)
+    file = tmp_path / 'two.html'
+    output.write_text(file, text)
+    for width in (390, 320):
+        tab.page.set_viewport_size({'width': width, 'height': 844})
+        open_page(tab, file)
+        assert tab.page.evaluate('document.documentElement.scrollWidth') <= width
+        assert tab.page.locator('.magnified > div').evaluate_all(
+            'all => all.every(x => x.scrollWidth <= x.clientWidth)'
+        )
+    assert tab.complaints == []
+
+
+def test_no_number_of_a_table_is_cut_in_two(tab, tmp_path, record):
+    often = '99.9 % of the time at most'
+    table = (
+        ('joint', 'largest', 'at [s]', 'camshaft', 'above half for', 'impulse', often),
+        ('contact', '651.1 N', '0.00849041', '23.39 deg', '1.815 ms', '971.4 mN s', '651.1 N'),
+        ('drive', '4.794 N m', '0.00893783', '33.06 deg', '1.29 ms', '5.052 mN m s', '4.794 N m'),
+    )
+    part = ChartSection('loads', 'Loads', '', (), table=table)
+    file = tmp_path / 'loads.html'
+    output.write_text(file, report.page(recorded(record.between(0.0, 0.05)), [part]))
+    tab.page.set_viewport_size({'width': 1280, 'height': 800})
+    open_page(tab, file)
+    assert tab.page.evaluate('document.documentElement.scrollWidth') <= 1280
+    assert tab.page.locator('.figures thead').is_visible()
+    lines = tab.page.locator('.figures tbody tr > *').evaluate_all(
+        """all => all.map(cell => {
+            const range = document.createRange(), text = cell.firstChild;
+            return [...text.data.matchAll(/[^ ]+/g)].every(({ 0: word, index }) => {
+                range.setStart(text, index);
+                range.setEnd(text, index + word.length);
+                return range.getClientRects().length === 1;
+            });
+        })"""
+    )
+    assert lines == [True] * 14
+
+
+def test_no_pin_is_drawn_beyond_its_wall(tab, tmp_path, record, monkeypatch):
+    """Also where cubics through few instants go there."""
+    monkeypatch.setattr(module, 'MOST', 60)
+    run = recorded(record)
+    assert run.away > 0.1
+    file = tmp_path / 'coarse.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    far = tab.page.evaluate(
+        """async () => {
+            const { Recording } = await import('player');
+            const run = new Recording(JSON.parse(document.getElementById('data').textContent));
+            return Array.from({ length: 2000 }, (_, k) => (
+                Math.hypot(...run.at(run.start + k / 2000 * (run.end - run.start)).pins[0])));
+        }"""
+    )
+    assert 0.99 * CLEARANCE < max(far) <= CLEARANCE * (1.0 + 1e-6)
+    assert tab.complaints == []
 
 
 @pytest.mark.slow

@@ -51,6 +51,17 @@ def test_the_header_of_a_page_has_its_rows_and_cuts_the_digest(record):
     assert '<dt>Recorded in</dt><dd>run.mcap</dd>' in shown
 
 
+def test_the_digest_of_a_part_is_not_taken_for_that_of_the_run(record):
+    part = record.between(0.1, 0.15)
+    rows = {row.label: row.value for row in facts(part)}
+    assert rows['digest of this part'] == part.digest() != record.digest()
+    assert 'digest' not in rows
+    shown = unescape(page(recorded(part)))
+    assert f'<dt>Digest of this part</dt><dd title="{part.digest()}">' in shown
+    shown = unescape(page(recorded(part), digest=record.digest()))
+    assert f'<dt>Digest</dt><dd title="{record.digest()}">' in shown
+
+
 def test_sections_go_on_without_a_title_and_long_tables_end_in_notebooks():
     first = Section('one', [amount('impulse', 0.002, 'N s', words='small'), SummaryRow('n', '3')])
     more = Section(table=[('x', 'y'), ('a', 1.5)], notes=['said'])

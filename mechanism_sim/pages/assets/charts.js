@@ -198,6 +198,12 @@ export class Charts {
       this.acts.light(about(point.fullData));
     });
     plot.on('plotly_unhover', () => this.acts.light(null));
+    plot.on('plotly_afterplot', () => reachable(plot));
+    plot.addEventListener('keydown', ({ key: pressed, target }) => {
+      if (pressed !== 'Enter' || !target.matches('.legendtoggle')) return;
+      for (const kind of ['mousedown', 'mouseup']) target.dispatchEvent(new MouseEvent(kind));
+    });
+    reachable(plot);
     if (axis !== 'time' && axis !== 'value') return;
     plot.on('plotly_relayout', (change) => {
       if (this.zooming || axis === 'value') return;
@@ -229,6 +235,15 @@ export class Charts {
       cursor.style.top = `${yaxis._offset}px`;
       cursor.style.height = `${yaxis._length}px`;
     });
+  }
+}
+
+/** Lets the keyboard go to entries of legends, which Enter switches as a click does. */
+function reachable(plot) {
+  for (const entry of plot.querySelectorAll('.legendtoggle')) {
+    const { name, visible } = entry.__data__[0].trace;
+    const told = { tabindex: 0, role: 'button', 'aria-label': name, 'aria-pressed': visible === true };
+    for (const [key, value] of Object.entries(told)) entry.setAttribute(key, value);
   }
 }
 

@@ -299,6 +299,7 @@ function show(frame, shown) {
   curves?.show(across(frame.u));
   by('scrub').value = (frame.u - motion.low) / (motion.high - motion.low || 1);
   by('drive').textContent = written(frame.u);
+  by('scrub').setAttribute('aria-valuetext', by('drive').textContent);
   const [, , unit, of] = chosen() ?? [];
   if (of) by('now').textContent = `${number(of(frame, motion))} ${unit}`;
   showPlaying(shown?.playing);

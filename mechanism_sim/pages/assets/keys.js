@@ -8,7 +8,7 @@ export function keys(acts) {
     const { key, target, repeat, ctrlKey, altKey, metaKey } = event;
     if (!(key in acts) || ctrlKey || altKey || metaKey) return;
     const own = key === ' ' ? 'button, select, a, input:not([type=range])'
-      : key.startsWith('Arrow') ? 'select, input[type=range]' : 'select';
+      : key === 'Escape' ? 'select' : 'select, input[type=range]';
     if (target.closest?.(own)) return;
     event.preventDefault();
     if (!(repeat && key === ' ')) acts[key]();

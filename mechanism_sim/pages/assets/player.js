@@ -47,6 +47,7 @@ export class Recording {
     this.struck = Object.fromEntries(Object.entries(impacts)
       .map(([name, value]) => [name, value.bdata === undefined ? value : unpack(value)]));
     this.links = stage.links.length;
+    this.radial = stage.bearings.map(({ radial }) => radial);
     this.bearings = stage.bearings.length;
     this.joints = stage.joints.length;
     this.plays = stage.plays.length;
@@ -98,7 +99,7 @@ export class Recording {
     };
   }
 
-  /** Cubics through places and rates of pins at two instants. */
+  /** Cubics through places and rates of pins at two instants, within the wall or what both were. */
   #pins(i, j, s) {
     const h = this.t[j] - this.t[i];
     const [a, b] = [(1 + 2 * s) * (1 - s) ** 2, s * s * (3 - 2 * s)];
@@ -106,7 +107,12 @@ export class Recording {
     const each = 2 * this.bearings;
     const at = (k) => a * this.pins[i * each + k] + b * this.pins[j * each + k]
       + c * this.pin_rates[i * each + k] + d * this.pin_rates[j * each + k];
-    return Array.from({ length: this.bearings }, (_, k) => [at(2 * k), at(2 * k + 1)]);
+    return this.radial.map((radial, k) => {
+      const pin = [at(2 * k), at(2 * k + 1)];
+      const far = [i, j].map((n) => Math.hypot(this.pins[n * each + 2 * k], this.pins[n * each + 2 * k + 1]));
+      const share = Math.min(1, Math.max(radial, ...far) / (Math.hypot(...pin) || 1));
+      return pin.map((x) => share * x);
+    });
   }
 
   /** The places [m] of a pin over the last turn of the drive up to t, at most `span` [s]. */

@@ -123,6 +123,7 @@ function show(frame, shown) {
   by('scrub').value = share;
   by('scrub').style.setProperty('--share', share);
   by('time').textContent = `${frame.t.toFixed(digits())} s`;
+  by('scrub').setAttribute('aria-valuetext', by('time').textContent);
   by('drive').textContent = drive(frame.drive);
   by('shown').textContent = `Shown at ${by('time').textContent}, ${
     words(data.stage.main)} ${by('drive').textContent.trim()}.`;

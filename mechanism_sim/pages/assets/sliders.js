@@ -3,6 +3,7 @@ import { html } from 'html';
 const EVERY = 150; // [ms] between what is sent while a slider moves
 const PATIENCE = 20_000; // [ms] that a value is shown as asked for while the machine has another
 const WAYS = 1000;
+const DIGITS = 4; // that tell each of these from the next
 const ANEW = 'restarts the run';
 
 /** Whether a value is that of the machine, but for rounding. */
@@ -137,7 +138,8 @@ function place({ low, high, logarithmic }, value) {
   return Math.round(WAYS * Math.min(1, Math.max(0, share)));
 }
 
-function write({ control, output }, value) {
+function write({ control, input, output }, value) {
   output.textContent = control.path === 'realtime_factor' && !value ? 'no limit'
-    : `${Number(value.toPrecision(3))} ${control.unit}`.trim();
+    : `${Number(value.toPrecision(DIGITS))} ${control.unit}`.trim();
+  input.setAttribute('aria-valuetext', output.textContent);
 }
