@@ -94,7 +94,9 @@ def _search_of(
     differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
     sizes = [quantity.part == 'size' for quantity in wanted]
     either = [quantity.name in magnitudes for quantity in wanted]
-    arms = {group: (('reaction', 'N'), size) for group in groups if group[1] == 'N m'}
+    arms: dict[Hashable, tuple[Hashable, float]] = {
+        group: (('reaction', 'N'), size) for group in groups if group[1] == 'N m'
+    }
     return ExtremeSearch(groups, differences, sizes, either, arms)
 
 
