@@ -26,7 +26,7 @@ from ros_interfaces.names import InvalidNameError
 from ros_interfaces.plain import field, from_plain, to_plain
 from zenoh_rclpy import command_node as commanding
 from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
-from zenoh_rclpy.commands import _param_dump, _print, _values, main
+from zenoh_rclpy.commands import _info, _param_dump, _print, _values, main
 from zenoh_rclpy.errors import MiddlewareError
 from zenoh_rclpy.parameter_files import read_parameters, write_parameters
 
@@ -42,7 +42,7 @@ def network(monkeypatch):
     return env
 
 
-def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
+def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path, capsys):
     bag = tmp_path / 'run.mcap'
     running = start(
         'run', 'four_bar_clearance', '--paused', '--hold', '--duration', '1', '--record', str(bag),
@@ -56,6 +56,9 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
             assert topics['/impacts'] == ['mechanism_sim/msg/Impact']
             assert not any('_action' in name for name in topics)
             assert {'/crank_drive', '/linkage', '/recorder'} <= set(node.nodes())
+            _info(node, SimpleNamespace(topic='/scene', verbose=True, json=True))
+            (by,) = json.loads(capsys.readouterr().out)['publishers']
+            assert by == '/linkage (reliable, transient_local, keep_last 1)'
             assert node.actions() == ['/simulate_steps']
             assert '/step_simulation' in dict(node.services())
             drive = node.endpoints('drive')
