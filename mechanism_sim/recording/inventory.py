@@ -311,7 +311,7 @@ def render_recovery(found: RecoveredBag) -> str:
             'left as it is'
         )
     held = counted(found.messages, 'message')
-    lines = [f'{found.path} is closed: {held}, up to {found.end:.6g} s']
+    lines = [f'{found.path} is closed: {held}, up to {instant(found.end, 6)} s']
     if found.dropped_bytes:
         chunks = f'{counted(found.dropped_chunks, "chunk")}, ' if found.dropped_chunks else ''
         span = ''
