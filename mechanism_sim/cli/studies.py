@@ -338,8 +338,10 @@ def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report.sweep import SweepCharts  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.studies.sweep import run_plan  # noqa: PLC0415
-    from mechanism_sim.tables import default_ending  # noqa: PLC0415
+    from mechanism_sim.tables import check_file, default_ending  # noqa: PLC0415
 
+    if options.output:  # the plan of many runs takes its time
+        check_file('-o', options.output)
     with progress.busy('checking', options.json) as say:
         plan = read_plan(options.file, options.measures, say)
     if options.first_order:
@@ -383,7 +385,7 @@ def _first_order(options: argparse.Namespace, plan: SweepPlan) -> int:
     others = 'plot', 'over', 'effects', 'bags', 'windows', 'restart', 'pareto'
     refuse_options(options, others, 'does not apply to --first-order')
     report.check_charts(plan, options.plots, None, '--plots')
-    table = tables.check_file('--output', options.output) if options.output else None
+    table = Path(options.output) if options.output else None
     count = 1 + 2 * len(plan.factors) + 2 * len(plan.measures)
     workers = read_workers(options)
     with progress.count('sweep', count, quiet=options.json) as show, workers:

@@ -18,6 +18,7 @@ from rosbags.typesys.base import TypesysError
 from zstandard import ZstdDecompressor, ZstdError
 
 from mechanism_sim import documents
+from mechanism_sim.arguments import path_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
 from mechanism_sim.packages import reason
@@ -229,7 +230,7 @@ def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) 
         InputError: No such file, not a bag, or its index is damaged.
 
     """
-    path = Path(path)
+    path = path_of(path)
     found = parts(path)
     return Bag(found[0].path if len(found) == 1 and not found[0].holder else path, found, progress)
 

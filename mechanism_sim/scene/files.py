@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mechanism_sim import documents
+from mechanism_sim.arguments import path_of
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.quantities import Part
@@ -98,7 +99,7 @@ def find_scene(name: str) -> Path:
 
 def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     """The file of a scene, or of another `kind`: a path, or the name of one in `folder`."""
-    path = Path(name)
+    path = path_of(name)
     if path.suffix == '.mcap':
         raise InputError(
             f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' shows its contents"
@@ -219,6 +220,8 @@ def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
 
 def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]]:
     if isinstance(overrides, Mapping):
+        if wrong := [key for key in overrides if not isinstance(key, str)]:
+            raise InputError(f"overrides: {quoted(wrong[0])} is no path, as 'drive.speed' is one")
         return [(key, _plain(value)) for key, value in overrides.items()]
     pairs = []
     for text in overrides:

@@ -20,6 +20,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from mechanism_sim.arguments import public
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import Branch, FourBar
@@ -44,6 +45,7 @@ _EXACT = 1e-9
 _TURN = 2.0 * math.pi
 
 
+@public
 def find_four_bars(
     path: str | Path | TargetPath | ArrayLike, transmission: float | str = '20 deg'
 ) -> list[PathFourBar]:
@@ -70,7 +72,10 @@ def find_four_bars(
     if isinstance(path, str | Path):
         path = read_path(str(path), 'path')
     elif not isinstance(path, TargetPath):
-        points = np.asarray(path, dtype=float)
+        try:
+            points = np.asarray(path, dtype=float)
+        except (TypeError, ValueError):
+            points = np.zeros(0)
         if points.ndim != 2 or points.shape[1] not in (2, 3) or not np.isfinite(points).all():
             raise InputError('path: give points (n, 2) of x, y, or (n, 3) with an orientation')
         path = TargetPath(tuple(map(tuple, points.tolist())), '', ())

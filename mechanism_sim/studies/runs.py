@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Self
 
 from mechanism_sim import process_exit
+from mechanism_sim.arguments import as_annotated
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import needed
 
@@ -179,6 +180,13 @@ class Workers:
         self._here = self._count == 1 and not apart
         self._lost, self._started = lost, ExitStack()
         self._submit: Callable[[Task], Any] | None = None
+
+    @classmethod
+    def of(cls, given: int | Workers | None) -> Workers:
+        """Workers by their number, as functions take it."""
+        if isinstance(given, Workers):
+            return given
+        return cls(as_annotated('workers', given, 'int | None'))
 
     def do(
         self, tasks: Sequence[Task], rows: FinishedRows, show: Show | None = None
