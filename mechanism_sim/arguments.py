@@ -13,15 +13,11 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from mechanism_sim.errors import InputError, nearest, other_word, quoted
+from mechanism_sim.output import path_of
 from mechanism_sim.units import plain
 
 P = ParamSpec('P')
 R = TypeVar('R')
-
-
-def path_of(given: str | os.PathLike[str]) -> Path:
-    """A path; ``~`` is the home folder, as in shells."""
-    return Path(os.path.expanduser(given))  # that of `Path` raises where there is no home
 
 
 def listed(given: str | Iterable[str] | None, where: str) -> list[str]:

@@ -28,10 +28,10 @@ from warnings import catch_warnings, filterwarnings, simplefilter
 
 import numpy as np
 
-from mechanism_sim.arguments import path_of
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import CsvTable, assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
+from mechanism_sim.output import path_of
 from mechanism_sim.packages import needed
 from mechanism_sim.tables import ENDINGS
 from mechanism_sim.units import QuantityValue, parted, to_si

@@ -27,10 +27,11 @@ from mechanism_sim.analysis.series import (
     parse,
     recorded,
 )
-from mechanism_sim.arguments import path_of, public
+from mechanism_sim.arguments import public
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.messages.units import units_of
+from mechanism_sim.output import path_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim import output, strict_json
-from mechanism_sim.arguments import path_of
 from mechanism_sim.errors import InputError
+from mechanism_sim.output import path_of
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 
 

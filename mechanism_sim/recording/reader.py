@@ -18,9 +18,9 @@ from rosbags.typesys.base import TypesysError
 from zstandard import ZstdDecompressor, ZstdError
 
 from mechanism_sim import documents
-from mechanism_sim.arguments import path_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
+from mechanism_sim.output import path_of
 from mechanism_sim.packages import reason
 from mechanism_sim.recording import protobuf
 from mechanism_sim.recording.rosbag2 import Qos

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mechanism_sim import documents
-from mechanism_sim.arguments import path_of
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.quantities import Part
+from mechanism_sim.output import path_of
 from mechanism_sim.scene.facts import COMPONENTS
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
 from mechanism_sim.scene.problems import sentence

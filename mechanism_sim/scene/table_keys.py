@@ -11,7 +11,6 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from mechanism_sim.arguments import path_of
 from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.csv_tables import assume, fits, is_like_unit, named_unit, read_csv
@@ -19,6 +18,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import FROM_FILE, Part, UnitValue, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
 from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.output import path_of
 from mechanism_sim.scene.drawn_edges import drawn_edges
 from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.units import QuantityValue, counted, to_si_of, to_si_text

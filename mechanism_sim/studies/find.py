@@ -33,7 +33,7 @@ _OF_CYCLE = {'duration': '', 'periods': 'int | None', 'start': ''}
 
 
 @dataclass(frozen=True)
-class _Search:
+class _SearchOptions:
     """Options of a search.
 
     Differences cost a run for each key, exact slopes 11 to 28: half the cycles, thrice the time.
@@ -149,8 +149,8 @@ def find(
     -------
     Both kinds have ``values`` by path, ``measures`` and the number of ``evaluations``.
     """
-    how = check_options(find, how, _Search, _OF_CYCLE, words=OF_WORKERS)
-    asked = _Search(**{key: how.pop(key) for key in [*how] if key not in _OF_CYCLE})
+    how = check_options(find, how, _SearchOptions, _OF_CYCLE, words=OF_WORKERS)
+    asked = _SearchOptions(**{key: how.pop(key) for key in [*how] if key not in _OF_CYCLE})
     goals = read_goals(so_that, minimise, asked.maximise, subject_to)
     machine, samples = load_scene(scene), asked.samples
     if samples < 2:

@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim import tables
-from mechanism_sim.arguments import listed, path_of
+from mechanism_sim.arguments import listed
 from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.documents import texts_of
 from mechanism_sim.errors import InputError, RunWarning, check_known, quoted
 from mechanism_sim.joints.contact_keys import is_zero
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
+from mechanism_sim.output import path_of
 from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.scene import Machine, Source, span
@@ -393,36 +394,27 @@ def _content_of(scene: Source) -> SceneContent:
 
 def _with_named_scenes(content: dict[str, Any], bases: dict[str, SceneContent]) -> dict[str, Any]:
     """Keys and values of a sweep in which scenes of other forms stand by name, and enter these."""
-    runs, grid = plain(content.get('runs')), content.get('grid')
-    runs = runs if isinstance(runs, list | tuple) else []
-    grid = grid if isinstance(grid, Mapping) else {}
-    in_grid = plain(grid.get(SCENE))
-    in_grid = in_grid if isinstance(in_grid, list | tuple) else []
-    given = [x[SCENE] for x in (content, *runs) if isinstance(x, Mapping) and SCENE in x]
-    texts = {x for x in (*given, *in_grid) if isinstance(x, str)}
+    texts = set()
 
-    def named(scene: Any) -> Any:
-        if isinstance(scene, Path):
-            return str(scene)
-        if not isinstance(scene, Mapping | Scene | FourBarScene | Machine):
-            return scene
-        found, number = _content_of(scene), 1
-        name = found.name
-        while name in texts or (name in bases and bases[name].data != found.data):
-            number += 1
-            name = f'{found.name}_{number}'
-        bases[name] = found._replace(name=name)
-        return name
+    def named(value: Any, key: str, known: dict[str, SceneContent]) -> Any:
+        value = plain(value)
+        if key == SCENE and isinstance(value, str | Path):
+            texts.add(str(value))
+            return str(value)
+        if key == SCENE and isinstance(value, Mapping | Scene | FourBarScene | Machine):
+            found, number = _content_of(value), 1
+            name = found.name
+            while name in texts or (name in known and known[name].data != found.data):
+                number += 1
+                name = f'{found.name}_{number}'
+            known[name] = found._replace(name=name)
+            return name
+        if isinstance(value, Mapping):
+            return {k: named(x, k, known) for k, x in value.items()}
+        return [named(x, key, known) for x in value] if isinstance(value, list | tuple) else value
 
-    def with_name(keys: Any) -> Any:
-        has_scene = isinstance(keys, Mapping) and SCENE in keys
-        return {**keys, SCENE: named(keys[SCENE])} if has_scene else keys
-
-    found: dict[str, Any] = with_name(content)
-    if runs:
-        found = {**found, 'runs': [*map(with_name, runs)]}
-    if in_grid:
-        found = {**found, 'grid': {**grid, SCENE: [*map(named, in_grid)]}}
+    named(content, '', {})  # all texts, which are names already
+    found: dict[str, Any] = named(content, '', bases)
     return found
 
 

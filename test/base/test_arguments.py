@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.arguments import as_annotated, check_options, listed, path_of, public
+from mechanism_sim.arguments import as_annotated, check_options, listed, public
 from mechanism_sim.errors import InputError
+from mechanism_sim.output import path_of
 
 WRONG = (
     None, 3.5, math.nan, -1, True, 'zzz', '', [], {}, b'x', object(), [None], [1], {1: 2}, {'a'},
