@@ -63,6 +63,13 @@ _KINDS = {
     'function': _Kind('a function', lambda value: value if callable(value) else None),
 }
 _FUNCTIONS = 'Callable[', 'Show', 'Progress'
+_ALIKE = (
+    ('workers', 'n_jobs', 'jobs', 'processes', 'cores', 'threads'),
+    ('revolutions', 'periods', 'turns'), ('samples', 'values'), ('count', 'exponents'),
+    ('start', 'since', 'from', 'begin'), ('end', 'until', 'to', 'stop'), ('measures', 'measure'),
+    ('speed', 'realtime_factor'), ('show', 'progress', 'callback'),
+)  # fmt: skip
+"""Options that are called otherwise in other functions, in commands, or in other libraries."""
 
 
 @cache
@@ -96,6 +103,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     parameters = _parameters(function)
     annotations = {p.name: _annotation(p) for p in parameters}
     positional = [p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
+    closed = all(p.kind is not p.VAR_KEYWORD for p in parameters)
 
     @wraps(function)
     def call(*args: P.args, **options: P.kwargs) -> R:
@@ -103,6 +111,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
             where = f'{function.__name__}: {name}'
             return as_annotated(where, value, annotations.get(name, ''))
 
+        _refuse_unknown(function, options if closed else (), annotations)
         given = [read(*each) for each in zip(positional, args, strict=False)]
         named = {name: read(name, value) for name, value in options.items()}
         return function(*given, *args[len(given) :], **named)  # type: ignore[arg-type]
@@ -132,14 +141,24 @@ def check_options(
             if callable(other)
             else other
         )
+    _refuse_unknown(function, given, known, words)
+    where = f'{function.__name__}: '
+    return {name: as_annotated(where + name, x, known[name]) for name, x in given.items()}
+
+
+def _refuse_unknown(
+    function: Callable[..., Any],
+    given: Iterable[str],
+    known: Iterable[str],
+    words: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    others = {a: f"'{b}'" for group in _ALIKE for a in group for b in group if b in known}
     for name in given:
         if name not in known:
-            hint = other_word(name, words) or nearest(name, known)
+            hint = other_word(name, {**others, **words}) or nearest(name, known)
             raise InputError(
                 f"{function.__name__} has no option '{name}'{hint}; it has {', '.join(known)}"
             )
-    where = f'{function.__name__}: '
-    return {name: as_annotated(where + name, x, known[name]) for name, x in given.items()}
 
 
 def _annotation(parameter: inspect.Parameter) -> str:

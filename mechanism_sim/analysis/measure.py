@@ -8,7 +8,7 @@ from typing import Any
 
 from mechanism_sim.analysis.open_run import check_run_of, is_run, run_of_machine
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.arguments import listed
+from mechanism_sim.arguments import listed, public
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.recording.reader import Bag
@@ -20,6 +20,7 @@ from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.units import argument
 
 
+@public
 def measure(
     run: Source | Piece | Cycle | Stream | Bag | Record,
     *texts: str | Sequence[str] | Mapping[str, str] | Piece | Iterable[Piece],

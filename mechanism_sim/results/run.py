@@ -85,7 +85,7 @@ def signal_table(t: Array, sensor: str, samples: Array, unit: str) -> Table:
     return Table({'t': t, name: samples}, {'t': 's', name: unit})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Piece(Rich):
     """A part of a run.
 
@@ -272,7 +272,7 @@ class Piece(Rich):
         return plotting.plot(self, *names, **how)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution(Piece):
     """A finished run, kept whole.
 

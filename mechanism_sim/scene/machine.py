@@ -86,6 +86,9 @@ class Machine(Rich):
     def __repr__(self) -> str:
         return f'<{type(self).__name__} {self.name}: {self.scene.title}>'
 
+    def __hash__(self) -> int:
+        return hash(self.fingerprint)
+
     # --- as it is read --------------------------------------------------------------------------
 
     @cached_property

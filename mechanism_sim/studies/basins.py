@@ -22,7 +22,7 @@ from mechanism_sim.studies.bifurcation import (
     varied,
 )
 from mechanism_sim.studies.parameters import Parameter, Vary, read_counted
-from mechanism_sim.studies.runs import OF_WORKERS, Call, Show, Workers
+from mechanism_sim.studies.runs import Call, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
 
@@ -103,7 +103,7 @@ def basins(
         ``'40 mm:60 mm:21'``; or texts ``PATH=LOW:HIGH:NUMBER``; two of them
     at_impacts, when : section, as for `bifurcation`
     """
-    when = check_options(basins, when, TURNS, words=OF_WORKERS)
+    when = check_options(basins, when, TURNS)
     machine = load_scene(scene)
     ranges = read_counted('vary', vary)
     if len(ranges) != 2:

@@ -31,7 +31,7 @@ from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter, Vary, parameters, read_counted
 from mechanism_sim.studies.periodic import CLOCK, without_turns
-from mechanism_sim.studies.runs import OF_WORKERS, Call, Row, Show, Workers
+from mechanism_sim.studies.runs import Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
 
@@ -211,7 +211,7 @@ def bifurcation(
     starts : add a run from the scene's own start at each value
     when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
     """
-    when = check_options(bifurcation, when, TURNS, words=OF_WORKERS)
+    when = check_options(bifurcation, when, TURNS)
     machine = load_scene(scene)
     ranges = read_counted('vary', vary)
     if len(ranges) != 1:

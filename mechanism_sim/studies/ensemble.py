@@ -15,7 +15,7 @@ from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.plan import SweepPlan, measure_name, read_plan
 from mechanism_sim.studies.row import SOLUTION, SweepTask
-from mechanism_sim.studies.runs import OF_WORKERS, FinishedRows, Row, Show, Workers
+from mechanism_sim.studies.runs import FinishedRows, Row, Show, Workers
 from mechanism_sim.tables import Table
 from mechanism_sim.units import parted
 
@@ -78,7 +78,7 @@ def ensemble(
         below ``if __name__ == '__main__':``; ``dask``, address of a scheduler, whose workers run
         it instead; ``show``, called with the number of finished runs, and of those that failed
     """
-    how = check_options(ensemble, how, _done, words=OF_WORKERS)
+    how = check_options(ensemble, how, _done)
     if keep and (how.get('workers', 1) != 1 or how.get('dask')):
         raise InputError('ensemble: keep: whole runs stay in this process: give workers=1')
     length = {'revolutions': revolutions, 'duration': duration}

@@ -21,7 +21,7 @@ from mechanism_sim.studies.goal import CycleTrial, Goal, read_goals
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.optimum import Budget, Optimum, optimum
 from mechanism_sim.studies.parameters import Limits, Parameter, parameters, read_limits
-from mechanism_sim.studies.runs import OF_WORKERS, FinishedRows, Show, Workers
+from mechanism_sim.studies.runs import FinishedRows, Show, Workers
 from mechanism_sim.studies.trials import DIFFERENCES, Trials
 
 _ROUNDING = 1e-12
@@ -149,7 +149,7 @@ def find(
     -------
     Both kinds have ``values`` by path, ``measures`` and the number of ``evaluations``.
     """
-    how = check_options(find, how, _SearchOptions, _OF_CYCLE, words=OF_WORKERS)
+    how = check_options(find, how, _SearchOptions, _OF_CYCLE)
     asked = _SearchOptions(**{key: how.pop(key) for key in [*how] if key not in _OF_CYCLE})
     goals = read_goals(so_that, minimise, asked.maximise, subject_to)
     machine, samples = load_scene(scene), asked.samples

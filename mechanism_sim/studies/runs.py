@@ -145,10 +145,6 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-OF_WORKERS = dict.fromkeys(('n_jobs', 'jobs', 'processes', 'cores', 'threads'), "'workers'")
-"""Words of other libraries for an option."""
-
-
 class Workers:
     """Processes of this machine that do tasks, or a Dask cluster; they live as long as its block.
 

@@ -18,7 +18,7 @@ from mechanism_sim.studies.columns import overloads_of
 from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Run, SweepPlan, read_plan
 from mechanism_sim.studies.row import SweepTask
-from mechanism_sim.studies.runs import OF_WORKERS, Row, Show, Workers, has_failed
+from mechanism_sim.studies.runs import Row, Show, Workers, has_failed
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Shard
@@ -76,7 +76,7 @@ def sweep(
         below ``if __name__ == '__main__':``, as two and more
     how : ``dask``, ``bags``, ``windows``, ``restart``, ``show`` of `run_plan`
     """
-    how = check_options(sweep, how, run_plan, words=OF_WORKERS)
+    how = check_options(sweep, how, run_plan)
     if file:
         tables.check_file('file', file)
     plan = read_plan(source, measures, scene=scene)

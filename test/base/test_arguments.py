@@ -81,6 +81,25 @@ def test_sentences_say_of_what_an_argument_is(call, said, tmp_path, monkeypatch)
     assert said in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ('call', 'said'),
+    [
+        (lambda: ms.cycle('pendulum', revolutions=2), "here that is 'periods'; it has scene, sam"),
+        (lambda: ms.simulate('pendulum', periods=2), "simulate has no option 'periods'; here tha"),
+        (lambda: ms.find('pendulum', {}, values=5), "no option 'values'; here that is 'samples'"),
+        (lambda: ms.lyapunov('pendulum', exponents=2), "here that is 'count'; it has scene, revo"),
+        (lambda: ms.measure('pendulum', start=2), "no option 'start'; here that is 'since'"),
+        (lambda: ms.plot('pendulum', since=2), "no option 'since'; here that is 'start'"),
+        (lambda: ms.simulate('pendulum', duratoin=2), "did you mean 'duration'?; it has scene, "),
+    ],
+)  # fmt: skip
+def test_options_that_are_called_otherwise_are_named(call, said):
+    """Some have another name in other functions, or in commands."""
+    with pytest.raises(InputError) as caught:
+        call()
+    assert said in str(caught.value)
+
+
 def test_numbers_of_numpy_are_as_those_of_python():
     @public
     def given(count: int, flag: bool = False, *others: int, file: str | Path | None = None):
