@@ -16,8 +16,8 @@ from mechanism_sim.errors import InputError, nearest, other_word, quoted
 from mechanism_sim.output import path_of
 from mechanism_sim.units import plain
 
-P = ParamSpec('P')
-R = TypeVar('R')
+_P = ParamSpec('_P')
+_R = TypeVar('_R')
 
 
 def listed(given: str | Iterable[str] | None, where: str) -> list[str]:
@@ -94,7 +94,7 @@ def as_annotated(name: str, value: Any, annotation: str) -> Any:
     return found
 
 
-def public(function: Callable[P, R]) -> Callable[P, R]:
+def public(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Decorator of a public function, which gets arguments as their annotations say.
 
     These are whole numbers, True and False, texts, paths and functions, also by NumPy; all else
@@ -106,7 +106,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     closed = all(p.kind is not p.VAR_KEYWORD for p in parameters)
 
     @wraps(function)
-    def call(*args: P.args, **options: P.kwargs) -> R:
+    def call(*args: _P.args, **options: _P.kwargs) -> _R:
         def read(name: str, value: Any) -> Any:
             where = f'{function.__name__}: {name}'
             return as_annotated(where, value, annotations.get(name, ''))

@@ -153,5 +153,6 @@ def animate(
     chosen = film(record, target, start, end, fps, speed)
     pair = plain(size)
     sides = pair if isinstance(pair, list | tuple) and len(pair) == 2 else [pair]
-    sides = [as_annotated('animate: size', side, 'int | None') for side in sides]
+    kind = 'int' if len(sides) > 1 else 'int | None'
+    sides = [as_annotated('animate: size', side, kind) for side in sides]
     return chosen.write(FilmParts(**shown), tuple(sides) if len(sides) > 1 else sides[0])[0]
