@@ -187,7 +187,7 @@ def _find(options: argparse.Namespace) -> int:
     """Search for a value of a key, a speed of lift-off, a periodic response, or teeth."""
     if options.path is not None:
         others = ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE, *_TEETH, 'teeth']
-        others.remove('output')
+        others = [x for x in others if x not in ('output', 'tables-from')]
         refuse_options(options, others, 'does not apply to --path')
         return _path(options)
     if options.teeth is not None:
@@ -254,6 +254,7 @@ def _path(options: argparse.Namespace) -> int:
     from mechanism_sim.output import write_text  # noqa: PLC0415
     from mechanism_sim.report import found  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.scene.table_keys import allowed_file  # noqa: PLC0415
     from mechanism_sim.studies.four_bars import find_four_bars  # noqa: PLC0415
     from mechanism_sim.terminal import print_notice  # noqa: PLC0415
 
@@ -263,6 +264,8 @@ def _path(options: argparse.Namespace) -> int:
     if any(others):
         raise InputError('--output: find --path writes a scene, NAME.yaml')
     least = quantity('--transmission', options.transmission, 'rad')[0]
+    if scene:  # which measures the distance from the file
+        allowed_file('--path', Path.cwd(), options.path)
     designs = find_four_bars(options.path, least)
     if scene:
         assumed = designs[0].ASSUMED

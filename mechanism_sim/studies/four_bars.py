@@ -25,6 +25,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import Branch, FourBar
 from mechanism_sim.linkages.grashof import full_turns, transmission_range
+from mechanism_sim.output import path_of
 from mechanism_sim.results.path_distance import TargetPath, read_path
 from mechanism_sim.studies.synthesis import (
     KEPT,
@@ -70,7 +71,7 @@ def find_four_bars(
     """
     least = argument('transmission', transmission, 'rad')
     if isinstance(path, str | Path):
-        path = read_path(str(path), 'path')
+        path = read_path(path_of(path), 'path')
     elif not isinstance(path, TargetPath):
         try:
             points = np.asarray(path, dtype=float)
