@@ -127,10 +127,6 @@ class Cycle(plotting.Rich):
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
 
-    def keys(self) -> list[str]:
-        """Names of its table, by which ``dict(cycle)`` has its columns."""
-        return self.names
-
     def table(self) -> Table:
         """All columns (N + 1,) by name, in SI units."""
         return self._table

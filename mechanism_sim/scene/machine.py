@@ -80,14 +80,11 @@ class Machine(Rich):
     """
 
     name: str
-    scene: Scene
+    scene: Scene = field(hash=False)  # its dictionaries have none
     questions: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
         return f'<{type(self).__name__} {self.name}: {self.scene.title}>'
-
-    def __hash__(self) -> int:
-        return hash(self.fingerprint)
 
     # --- as it is read --------------------------------------------------------------------------
 

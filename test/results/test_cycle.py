@@ -665,10 +665,3 @@ def test_slots_without_forces_have_a_cycle_of_their_motion(scene):
     driven = machine.plan.links[-1]
     ends = found.extremes()[f'position.{driven}']
     assert ends.greatest.value - ends.least.value == pytest.approx(found.swings()[driven].size)
-
-
-def test_a_cycle_makes_a_dictionary():
-    cycle = ms.cycle('slider_crank', samples=4)
-    found = dict(cycle)
-    assert [*found] == cycle.names
-    assert all(np.array_equal(found[name], cycle[name]) for name in cycle)
