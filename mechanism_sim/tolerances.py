@@ -362,6 +362,8 @@ class AuditTolerances(NamedTuple):
     conditioned: float = 1e-11
     #: [1/s] of rates, in a step of usual tolerance, which refers to 1 rad/s at least
     step_error: float = 1e-13
+    #: share of the energy exchanged: if more is missing it is said
+    noticed: float = 1e-6
     #: share of the energy exchanged: works may be off by that without a word about it
     promised: float = 1e-9
     #: share of the rates: between two steps of no impact they differ by rounding only

@@ -75,7 +75,12 @@ class Energy:
 
     @property
     def caveat(self) -> str:
-        """A sentence if works may be off by more than `AuditTolerances.promised`, else empty."""
+        """A sentence if energy is missing, or works may be off by more than what is promised."""
+        if self.share * self.exchanged - self.error > _AUDIT.noticed * self.exchanged:
+            return (
+                f'{abs(self.residual):.2g} J are missing in the balance, {self.share:.1g} of what '
+                'was exchanged: steps were too long for what happened in them; try a smaller rtol'
+            )
         if self.error <= _AUDIT.promised * self.exchanged + self.rounding:
             return ''
         return (

@@ -330,3 +330,12 @@ def test_between_two_events_of_one_instant_nothing_pulls():
     run = ms.simulate(machine, duration=0.7)
     lasted = run.motion.curve.duration
     assert lasted.min() < 1e-9 * lasted.max()  # there is such an instant
+
+
+def test_energy_that_is_missing_beyond_rounding_is_said():
+    kept = Energy(1.0, 3.0, 4.0, 2.0 + 1e-7, exchanged=4.0, rounding=1e-15)
+    assert kept.residual == pytest.approx(1e-7)
+    assert not kept.caveat
+    lost = replace(kept, dissipated=2.0 - 1e-5)
+    assert '1e-05 J are missing in the balance, 2e-06 of what was exchanged' in lost.caveat
+    assert not replace(lost, rounding=1e-5).caveat

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import schema
@@ -204,9 +205,12 @@ def add_drives(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scen
                 'per_speed': float(random.uniform(-1.0, 0.0)),
             }
         drives[c] = drive
-    scene = {**scene, 'drives': drives}
-    guess = {}
-    for c, (value, straight) in _coordinates(scene, poses).items():
+    try:
+        values = _coordinates({**scene, 'drives': drives}, poses)
+    except InputError:  # driven so, links hang on other joints, and turn instead of sliding
+        drives = {}
+    scene, guess = {**scene, 'drives': drives}, {}
+    for c, (value, straight) in values.items():
         guess[c] = f'{value} m' if straight else f'{value} rad'
         if c in drives:
             drives[c]['start_position' if straight else 'start_angle'] = value

@@ -175,10 +175,16 @@ class ShortBearing:
         couple = 0.5 * (motion.x * fy - motion.y * fx)
         return -couple - drag, -couple + drag
 
-    def across(self, motion: JournalMotion) -> hy.expression:
-        """``(Q/c) x V`` [m/s]: to which side of Q the journal moves."""
+    def turning(self, motion: JournalMotion) -> hy.expression:
+        """``(Q/c) x V + (Q/c).V`` [m/s], whose sign changes where V turns back.
+
+        However near to zero V passes, it turns by half a turn meanwhile, and so through one of the
+        directions at 45 degrees to Q in which this vanishes; along a line through the middle, or
+        along a wall, one of the two parts would be nothing but rounding.
+        """
         ux, uy = motion.squeeze
-        return (motion.x * uy - motion.y * ux) / self.clearance
+        x, y = motion.x / self.clearance, motion.y / self.clearance
+        return x * (ux + uy) + y * (uy - ux)
 
     @_once
     def _between(

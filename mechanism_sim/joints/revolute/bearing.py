@@ -150,12 +150,11 @@ class FilmBearing:
             ]
             spins.append(dense(add(*shares)))
         motion = JournalMotion(*map(dense, (x.value, y.value, x.rate, y.rate)), *spins)
-        if not self.reach:
-            return motion
-        if not (self.film.full or self.film.supply or self.soft):
-            # along a rigid wall the half that carries changes sides, where its force has a corner
-            frames.switch(f'{self.name}.film', self.film.across(motion))
-        if not self.soft:
+        if not self.film.full:
+            # where the journal turns back the half that carries changes sides, and its force has a
+            # corner, or nearly so, which no series foretells
+            frames.switch(f'{self.name}.film', self.film.turning(motion))
+        if not (self.reach and self.soft):
             return motion
         c, closed = self.film.clearance, p.reserve(f'{self.name}.closed')
         square = motion.x * motion.x + motion.y * motion.y + (1.0 - closed) * (c * c)
