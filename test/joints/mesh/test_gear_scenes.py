@@ -9,6 +9,7 @@ from absolute import differences
 from book_trains import compound_planetary, gear_box, planetary
 from builders import made
 from matplotlib.path import Path as Polygon
+from scipy.integrate import simpson
 from tooth_forces import helical
 from willis import Mesh, Train
 
@@ -270,6 +271,21 @@ def test_torques_of_teeth_with_errors_accelerate_the_shafts(scene, overrides):
     for which, need, other in zip(('first', 'second'), needed, given, strict=True):
         size = np.abs(other).max()
         assert seen[f'{which}_torque.mesh'] == pytest.approx(need - other, abs=1e-11 * size)
+
+
+@pytest.mark.parametrize(
+    ('scene', 'overrides'),
+    [('gear_pair', {}), ('mesh_stiffness', {'joints.mesh.elasticity.damping': 0.0})],
+)
+def test_friction_of_teeth_with_errors_is_what_the_brake_does_not_take(scene, overrides):
+    """Couples of errors, and elastic teeth, take power and give it back: it is not lost."""
+    rubbing = {'joints.mesh.error': ERRORS, 'joints.mesh.friction': {'coefficient': 0.1}}
+    run = ms.simulate(loaded(scene, rubbing | overrides), duration=0.002)
+    t = np.linspace(0.0, 0.002, 4001)
+    seen = run.sample(t, 'friction_loss.mesh', 'velocity.wheel')
+    lost = np.diff(run.view(t[[0, -1]]).dissipated) - simpson(0.2 * seen['velocity.wheel'] ** 2, t)
+    assert lost > 0.0
+    assert simpson(seen['friction_loss.mesh'], t) == pytest.approx(lost, rel=1e-6)
 
 
 RUBBING = {'joints.pair.friction': {'coefficient': 0.1}}
