@@ -316,6 +316,18 @@ def test_torques_of_pairs_with_friction_accelerate_the_shafts(scene, joint, over
     assert torque == pytest.approx(needed - drive, abs=1e-10 * np.abs(drive).max())
 
 
+def test_at_rest_the_friction_of_a_pair_is_left_out():
+    """Self-locking teeth hold the load; what is left of the speed by rounding has no sign."""
+    drive = {'coordinate': 'worm', 'speed': '100 rpm', 'torque': {'constant': '0.1 N m'}}
+    locking = {'joints.pair.friction': {'coefficient': 0.3}, 'drive': drive}
+    run = ms.simulate(loaded('worm_drive', locking), duration=0.1)
+    names = 'first_torque.pair', 'second_torque.pair', 'velocity.worm', 'friction_loss.pair'
+    seen = run.sample(np.linspace(0.05, 0.1, 11), *names)
+    assert np.abs(seen['velocity.worm']).max() < 1e-9
+    assert seen['first_torque.pair'] == pytest.approx(-seen['second_torque.pair'] / 15.0)
+    assert not seen['friction_loss.pair'].any()
+
+
 def test_two_planets_fit_only_where_their_teeth_find_spaces():
     def scene(angle):
         at = 0.048 * np.array([math.cos(angle), math.sin(angle)])
