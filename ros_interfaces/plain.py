@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,17 @@ from ros_interfaces.origin import ros_installed
 _LISTS = {Nodetype.ARRAY, Nodetype.SEQUENCE}
 
 
-def fields_of(message: Any) -> list[str]:
+def fields_of(message: Any) -> tuple[str, ...]:
     """Names of the fields of a message, of either back end."""
-    if hasattr(message, 'get_fields_and_field_types'):
-        return [*message.get_fields_and_field_types()]
-    fields = message.__dataclass_fields__.items()  # of rosbags constants and the type, too
-    return [name.rstrip('_') for name, x in fields if not str(x.type).startswith('ClassVar')]
+    return _fields(message.__class__)
+
+
+@lru_cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    if hasattr(kind, 'get_fields_and_field_types'):
+        return (*kind.get_fields_and_field_types(),)
+    fields = kind.__dataclass_fields__.items()  # of rosbags constants and the type, too
+    return tuple(name.rstrip('_') for name, x in fields if not str(x.type).startswith('ClassVar'))
 
 
 def to_plain(message: Any, longest: int | None = None, finite: bool = False) -> Any:

@@ -82,6 +82,13 @@ def _check_type(topic: str, kind: str, ends: list[Any]) -> None:
         raise UsageError(f'{topic} is of the type {", ".join(types)}, not {kind}')
 
 
+def _pause(node: Node, seconds: float) -> None:
+    """Wait so long, or until a signal, after which a plain sleep would go on."""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0.0:
+        spin_once(node, timeout_sec=left)
+
+
 def refusal(answer: Any) -> str:
     """Reason why a service refused a request; empty if it did not, or gives none."""
     result = getattr(answer, 'result', None)
@@ -364,7 +371,7 @@ class CommandNode:
             if k:
                 # what publishing takes is no part of the period; nothing that is late is made up
                 due = max(due + 1.0 / rate, now := time.monotonic())
-                time.sleep(min(due - now, _LONGEST))
+                _pause(self.node, min(due - now, _LONGEST))
             publisher.publish(message)
             told()
         if not publisher.wait_for_all_acked(Duration(seconds=_LAST)):

@@ -95,7 +95,8 @@ def make_parser() -> argparse.ArgumentParser:
 
 def _add_topic(verb: Callable[..., argparse.ArgumentParser]) -> None:
     _types(verb('list', lambda n, o: _list(o, n.topics()), 'topics'))
-    verb('info', _info, 'who publishes and subscribes', 'TOPIC')
+    info = verb('info', _info, 'who publishes and subscribes', 'TOPIC')
+    info.add_argument('-v', '--verbose', action='store_true', help='quality of service, too')
     verb('type', lambda n, o: _print_names(o, n.endpoints(o.topic).types), 'its type', 'TOPIC')
     echo = verb('echo', _echo, 'print messages of a topic', 'TOPIC', '[TYPE]')
     hz = verb('hz', _hz, 'how often messages come, each second until it is ended', 'TOPIC')
@@ -122,7 +123,7 @@ def _add_topic(verb: Callable[..., argparse.ArgumentParser]) -> None:
 
 
 def _types(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument('--types', action='store_true', help='types, too')
+    sub.add_argument('-t', '--types', action='store_true', help='types, too')
 
 
 def _positive(text: str) -> float:
@@ -196,8 +197,12 @@ def _list(options: argparse.Namespace, known: list[tuple[str, list[str]]]) -> No
 def _info(node: CommandNode, options: argparse.Namespace) -> None:
     found = node.endpoints(options.topic)
 
+    def named(info: Any) -> str:
+        name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+        return f'{name} ({_quality(info.qos_profile)})' if options.verbose else name
+
     def names(infos: list[Any]) -> list[str]:
-        return sorted(f'{i.node_namespace.rstrip("/")}/{i.node_name}' for i in infos)
+        return sorted(map(named, infos))
 
     publishers, subscriptions = names(found.publishers), names(found.subscriptions)
     if options.json:
@@ -207,6 +212,12 @@ def _info(node: CommandNode, options: argparse.Namespace) -> None:
     print(f'{found.name} [{", ".join(found.types)}]')
     print(f'  published by {", ".join(publishers) or "nobody"}')
     print(f'  subscribed by {", ".join(subscriptions) or "nobody"}')
+
+
+def _quality(qos: Any) -> str:
+    """A profile in words, as `keep_last 10`."""
+    words = [policy.name.lower() for policy in (qos.reliability, qos.durability, qos.history)]
+    return ', '.join(words) + (f' {qos.depth}' if words[2] == 'keep_last' else '')
 
 
 def _echo(node: CommandNode, options: argparse.Namespace) -> None:

@@ -65,9 +65,8 @@ class Context:
         self._hashed = config.has_type_hashes()
         self._ids = count()
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
-        self._farewell = self.session.declare_queryable(
-            f'{FAREWELL}/{self.domain}/{self.zid}', direct(_answer)
-        )
+        self._sign = f'{FAREWELL}/{self.domain}/{self.zid}'
+        self._farewell = self.session.declare_queryable(self._sign, direct(self._answer))
         self._watch = self.session.liveliness().declare_subscriber(
             f'{wire.TOKENS}/{self.domain}/**',
             direct(self._on_token),
@@ -133,10 +132,14 @@ class Context:
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 timeout=min(left, ASK_AGAIN),
             )
-            if all(answer.ok is not None for answer in answers):
+            found = [answer.ok for answer in answers]
+            if None not in found:
                 return True
             if left <= ASK_AGAIN:
                 return False
+            there = {self.zid, *(str(x.key_expr).rpartition('/')[2] for x in found if x)}
+            silent = sorted({t.node_name for t in self.graph.nodes() if t.session not in there})
+            self.waits.say_unread(', '.join(silent) or 'a program without nodes')
 
     def close(self, timeout: float = FLUSH_PATIENCE) -> bool:
         """End: no more samples in, what was published out (see ``flush``), session closed."""
@@ -164,6 +167,10 @@ class Context:
         warn_functions = [warn] if warn else self.warn_functions[:1]
         for function in warn_functions:
             self.refusals.count(topic, kind, reason, function)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:
+            query.reply(self._sign, b'')
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
@@ -213,11 +220,6 @@ def _close(session: Any) -> bool:
     except zenoh.ZError:
         return False
     return True
-
-
-def _answer(query: zenoh.Query) -> None:
-    with query:
-        query.reply(query.key_expr, b'')
 
 
 def _join() -> tuple[zenoh.Session | None, zenoh.Session]:

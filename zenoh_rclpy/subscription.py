@@ -60,7 +60,7 @@ class Subscription:
         self._known = SimilarMessages(kind)
         # An advanced subscriber sees to this itself, and may bring in what came before.
         self._once = qos.durability == DurabilityPolicy.VOLATILE
-        self._latest: dict[bytes, int] = {}
+        self._latest: dict[bytes, tuple[int, int]] = {}  # number and time [ns] by publisher
         self._one_at_a_time = Lock()
         self._received = 0
         self.callback_group = group
@@ -136,7 +136,7 @@ class Subscription:
         if attachment is None:
             self._refuse_attachment()
             return None
-        if self._once and attachment.sequence <= self._latest.get(attachment.gid, 0):
+        if self._once and not _is_later(attachment, self._latest.get(attachment.gid)):
             return None
         message = None
         if not self.raw or data not in self._known:
@@ -159,17 +159,27 @@ class Subscription:
             self.refuse('queue', 'its queue is full')
 
     def _is_news(self, about: wire.Attachment) -> bool:
-        """True, and noted, if the publisher has sent no such number before."""
+        """True, and noted, if the publisher has not sent it before."""
         with self._one_at_a_time:
-            last = self._latest.pop(about.gid, 0)
-            self._latest[about.gid] = max(last, about.sequence)
+            last = self._latest.pop(about.gid, None)
+            later = _is_later(about, last)
+            self._latest[about.gid] = (about.sequence, about.time) if later or not last else last
             if len(self._latest) > PUBLISHERS:
                 del self._latest[next(iter(self._latest))]
-        return about.sequence > last
+        return later
 
     def refuse(self, kind: str, reason: str) -> None:
         """Count what is not taken in, and warn of it now and then."""
         self._context.refuse(self.topic_name, kind, reason, self._warn)
+
+
+def _is_later(about: wire.Attachment, last: tuple[int, int] | None) -> bool:
+    """True of a sample of a larger number than the last, or of a later time.
+
+    A program that was started again, or does not count, may send a smaller number; what comes
+    twice has the time that it had.
+    """
+    return last is None or about.sequence > last[0] or about.time > last[1]
 
 
 def _takes_info(callback: Callable[..., Any]) -> bool:

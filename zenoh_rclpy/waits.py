@@ -30,6 +30,7 @@ class Waits:
         self._topics: dict[int, str] = {}
         self._ended, self._lock = Event(), Lock()
         self._watch: Thread | None = None
+        self._said = -_AGAIN
 
     def __enter__(self) -> None:
         self._since[get_ident()] = time.monotonic()
@@ -59,6 +60,13 @@ class Waits:
         """True if some thread has been waiting for a while."""
         now = time.monotonic()
         return any(now - since > STUCK for since in list(self._since.values()))
+
+    def say_unread(self, who: str) -> None:
+        """Name those who have not read all that was published, as `_look` names a topic."""
+        now = time.monotonic()
+        if now - self._said >= _AGAIN:
+            self._said = now
+            _LOGGER.warning(f'waiting for {who} to read all that was published')
 
     def close(self) -> None:
         """Name nothing any more."""

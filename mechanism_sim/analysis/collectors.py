@@ -320,12 +320,16 @@ class Signal:
         turned : function of times (N,) [s]: revolutions of the shaft; nan if unknown
         per_turn : angles in a turn, see `at_equal_angles`
         """
-        angles = [turned(t) for t in self.times]
-        known = [k for k, run in enumerate(angles) if np.isfinite(run).all()]
+        angles, values = [], []
+        for t, run in zip(self.times, self.runs, strict=True):
+            along = turned(t)
+            known = np.isfinite(along).astype(np.int8)
+            ends = np.flatnonzero(np.diff(known, prepend=0, append=0)).tolist()
+            for first, end in zip(ends[::2], ends[1::2], strict=True):
+                angles.append(along[first:end])
+                values.append(run[first:end])
         try:
-            return at_equal_angles(
-                [angles[k] for k in known], [self.runs[k] for k in known], per_turn
-            )
+            return at_equal_angles(angles, values, per_turn)
         except ValueError:
             return None
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from rosbags.interfaces import Nodetype
 
-from mechanism_sim.analysis.record import Record, read_record, refuse_empty
+from mechanism_sim.analysis.record import Record, find_topics, read_record, refuse_empty
 from mechanism_sim.analysis.series import (
     PADDING,
     Field,
@@ -31,7 +31,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.recording.inventory import scene_text
+from mechanism_sim.recording.inventory import prefix_of, scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.results.catalogue import flat
@@ -57,6 +57,8 @@ class MessageRun:
 
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
         self._bag, self.path, self._namespace = bag, bag.path, namespace
+        if namespace and not any(name.startswith(prefix_of(namespace)) for name in bag.topics):
+            find_topics(bag, namespace)  # refuses it
 
     def __repr__(self) -> str:
         held = [f'{t.count} of {t.name}' for t in self._bag.topics.values() if t.count]
@@ -65,16 +67,18 @@ class MessageRun:
     @cached_property
     def series(self) -> dict[str, Series]:
         """Recorded values of joint states."""
-        found: dict[str, Series] = {}
-        for kind in _KINDS if self._topic else ():
-            with suppress(InputError):  # many leave out velocities or efforts
-                found |= {s.name: s for s in self.find(kind)}
-        return found
+        found: list[Series] = []
+        with suppress(InputError):  # where it cannot be read
+            # many leave out velocities or efforts
+            found = self.find(_KINDS, optional=True) if self._topic else []
+        return {s.name: s for s in found}
 
     @cached_property
     def _topic(self) -> str:
         """The topic of joint states, if there is just one."""
-        states = [t.name for t in self._bag.topics.values() if t.type == _STATES and t.count]
+        home = prefix_of(self._namespace) if self._namespace else ''
+        own = [t for t in self._bag.topics.values() if t.name.startswith(home)]
+        states = [t.name for t in own if t.type == _STATES and t.count]
         return states[0] if len(states) == 1 else ''
 
     def listed(self) -> Iterator[Name]:
@@ -105,13 +109,15 @@ class MessageRun:
             columns[own.name], units[own.name] = self._at(own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
 
-    def find(self, given: str | Iterable[str | Sequence[str]]) -> list[Series]:
+    def find(
+        self, given: str | Iterable[str | Sequence[str]], optional: bool = False
+    ) -> list[Series]:
         """Recorded values of names, at the times of their messages, in one pass over the bag."""
         names, home = [*flat(given)], self._namespace
         paths = {name: path for name in names if (path := _path_in(self._bag, name, home))}
         states = {name: self._path(name) for name in names if name not in paths}
         try:
-            read = [*recorded(self._bag, [*paths.values(), *states.values()])]
+            read = recorded(self._bag, [*paths.values(), *states.values()], optional)
         except MissingFieldError:
             for name in states.keys() - self.series.keys() - {*_KINDS}:
                 self._refuse(name)
@@ -193,8 +199,8 @@ def open_run(
         source = read_bag(source)
     if scene_text(source, namespace) is not None:
         return read_record(source, namespace)
-    run = MessageRun(source)
-    if not run.names():
+    run = MessageRun(source, namespace)
+    if next(_names_in(source), None) is None:
         raise InputError(f'{source.path} holds neither a scene nor a number: {source.contents()}')
     return run
 
@@ -369,8 +375,7 @@ def _path_in(bag: Bag, name: str, namespace: str | None = None) -> MessagePath |
     path = parse(name, bag.topics)
     if path is None or not path.steps:
         return None
-    home = (namespace or '').rstrip('/')
-    for topic in (path.topic, f'{home}/{path.topic}', f'/{path.topic}'):
+    for topic in (path.topic, f'{prefix_of(namespace)}{path.topic}', f'/{path.topic}'):
         if topic in bag.topics:
             return MessagePath(name, topic, path.steps)
     return None

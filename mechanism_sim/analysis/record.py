@@ -26,12 +26,12 @@ from mechanism_sim.engine.dense_output import GrowingMotion, Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.events import Impact, Impacts, Mode, ModeChange
 from mechanism_sim.engine.plotting import Rich
-from mechanism_sim.errors import InputError, RunWarning, check_known
+from mechanism_sim.errors import InputError, RunWarning, check_known, nearest
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, row_names
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.gaps import gaps_of
-from mechanism_sim.recording.inventory import scene_text
+from mechanism_sim.recording.inventory import prefix_of, scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.quantity import Quantity
@@ -583,20 +583,32 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
                 f'{bag.path}: {topic.name} holds {topic.type.rpartition("/")[2]}, as bags before '
                 f'version {_RETIRED[topic.type]} did; {bag.writer} reads it.'
             )
-    prefix = f'{(namespace or "").rstrip("/")}/'
+    prefix, homes = prefix_of(namespace), _homes(bag)
+    # A machine may have others in namespaces below its own.
+    chosen = namespace is not None and prefix[:-1] in homes
+    below = tuple(f'{home}/' for home in homes if chosen and home.startswith(prefix))
+    own = [t for t in bag.topics.values() if t.name.startswith(prefix)
+           and not t.name.startswith(below)]  # fmt: skip
     found: dict[str, tuple[str, ...]] = {}
     for kind, type_name in KINDS.items():
-        names = tuple(
-            topic.name
-            for topic in bag.topics.values()
-            if topic.type == type_name
-            and topic.name.startswith(prefix)
-            and (kind in SHARED or topic.name.rpartition('/')[2] == kind)
-        )
+        names = tuple(topic.name for topic in own if topic.type == type_name)
+        if len(names) > 1 and kind not in SHARED:  # else it may be remapped to any name
+            names = tuple(n for n in names if n.rpartition('/')[2] == kind) or names
         if len(names) > 1 and kind not in SHARED:
-            homes = ', '.join(name.rpartition('/')[0] or '/' for name in names)
-            raise InputError(f'{bag.path} holds several machines ({homes}): choose a namespace.')
+            held = ', '.join(name.rpartition('/')[0] or '/' for name in names)
+            raise InputError(f'{bag.path} holds several machines ({held}): choose a namespace.')
         found[kind] = names
     if namespace and not any(found.values()):
-        raise InputError(f'{bag.path} has no machine in namespace {namespace}.')
+        known = [home or '/' for home in homes]
+        raise InputError(
+            f'{bag.path} has no machine in namespace {namespace}{nearest(namespace, known)}; '
+            f'it has {", ".join(known) or "none"}'
+        )
     return found
+
+
+def _homes(bag: Bag) -> list[str]:
+    """Namespaces with topics of a machine under their own names, as '/left'; empty for '/'."""
+    parted = [(*topic.name.rpartition('/'), topic.type) for topic in bag.topics.values()]
+    own = [home for home, slash, last, kind in parted if slash and KINDS.get(last) == kind]
+    return sorted({*own})

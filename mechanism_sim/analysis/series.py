@@ -7,6 +7,7 @@ import operator
 import re
 from array import array
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -19,7 +20,7 @@ from mechanism_sim.csv_tables import assume
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import MessageError, type_name
 from mechanism_sim.messages.units import units_of
-from mechanism_sim.recording.inventory import displacements
+from mechanism_sim.recording.inventory import displacements, scene_homes
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
@@ -118,12 +119,12 @@ class Series:
         return replace(self, t=self.t[kept], values=self.values[kept])
 
 
-def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
+def recorded(bag: Bag, paths: Sequence[MessagePath], optional: bool = False) -> list[list[Series]]:
     """Values to which each path leads in the messages of a bag, in one pass over it.
 
     Times are those that messages say themselves, else their stamps, else when they were logged;
     where these count from 1970, from the start of the bag. Arrays of samples, which come with a
-    sample rate, are spread over time.
+    sample rate, are spread over time. Where values are optional, a path may lead to none.
     """
     origin = bag.start if bag.start > _EPOCH else 0
     by_topic: dict[str, list[_Collector]] = {}
@@ -133,8 +134,13 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
     for topic, message, logged in bag.messages(by_topic):
         for collector in by_topic[topic]:
             collector.add(message, logged)
-    sliding = displacements(bag)
-    found = [collector.series(bag, sliding) for collector in collectors]
+    homes = scene_homes(bag.topics.values())
+    sliding = {home: displacements(bag, home) for home in homes or ['']}
+    other = sliding[min(sliding, key=len)]  # of topics that are in no namespace of a scene
+    found: list[list[Series]] = [[] for _ in paths]
+    for k, (collector, path) in enumerate(zip(collectors, paths, strict=True)):
+        with suppress(InputError) if optional else nullcontext():
+            found[k] = collector.series(bag, sliding.get(path.topic.rpartition('/')[0], other))
     of = {c.clock: path.topic for c, path in zip(collectors, paths, strict=True)}
     if {'own', 'log'} <= of.keys():
         assume(
@@ -478,7 +484,7 @@ class MessagePath:
         raise InputError(f"'{self.text}' is a message: choose one of {', '.join(known)}")
 
 
-def _field_names(message: Any) -> list[str] | None:
+def _field_names(message: Any) -> Sequence[str] | None:
     """Fields of a message, or of a dictionary that stands for one; None of anything else."""
     if isinstance(message, dict):
         return [str(name) for name in message]

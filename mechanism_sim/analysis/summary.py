@@ -456,7 +456,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     topics = find_topics(bag, namespace)
     present = {kind: bool(topics[kind]) for kind in KINDS}
     driven, planned_end = _planned(bag, topics['drive'])
-    crank = Crank(driven, displacements(bag) or ())
+    crank = Crank(driven, displacements(bag, namespace) or ())
     impacts, modes, digest = ImpactCollector(), ModeShares(), MotionDigest()
     energy, vibration = PublishedEnergies(), VibrationCollector()
     accounts = MessageAccountsCollector()
@@ -497,7 +497,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     of_motion = peaks.ends() if peaks else {}
     found = Summary(
         bag=str(bag.path),
-        scene=scene_name(bag),
+        scene=scene_name(bag, namespace),
         complete=bag.complete,
         start=start,
         end=end,
@@ -539,7 +539,8 @@ class _Channels:
     def add(self, motion: Motion) -> None:
         """Read the piece that follows, unless one before it is missing: filters remember."""
         start, end = float(motion.curve.start[0]), self._end
-        if end is not None and start - end > 8.0 * np.spacing(abs(start)) and not self.lost:
+        apart = end is not None and start - end > 8.0 * np.spacing(abs(start))
+        if apart and self.any and not self.lost:
             self.lost = (
                 f'the motion from {end:g} s to {start:g} s is missing: no vibration after it'
             )

@@ -42,7 +42,7 @@ def add(command: Command) -> None:
     source_options(sub)
     measure_option(sub)
     sub.add_argument(
-        'beside', metavar='BAG|SCENE', nargs='*',
+        'beside', metavar='BAG|SCENE', nargs='*', default=[],
         help='further runs to compare with the first; --set applies to all scenes',
     )  # fmt: skip
     text = 'change a value of the last scene; a single scene is compared with its changed copy'

@@ -56,8 +56,8 @@ def add(command: Command) -> None:
     rate_option(sub, '--fps', 'frames a second', '25 Hz')
     option(
         sub, '--realtime-factor', 'F',
-        'simulated seconds per second; if not given, a turn of the drive takes 3 s, and a sound '
-        'lasts as long as the run',
+        'simulated seconds per second; if not given, a turn of the drive takes 3 s, less than a '
+        'turn 6 s, and a sound lasts as long as the run',
         float,
     )  # fmt: skip
     option(sub, '--size', 'PIXELS', "number of pixels of the longer side, or '1280x720'")

@@ -205,8 +205,14 @@ def _run(options: argparse.Namespace) -> int:
     # ROS ignores parameters of nodes that are not in the run
     nodes = [*plan.nodes, MONITOR]
     for key, rule in pairwise(options.ros_args):
-        node, colon, _ = rule.partition(':=')[0].partition(':')
+        node, colon, special = rule.partition(':=')[0].partition(':')
         name = node.rpartition('/')[2]
+        apart = {node, special} & {'__node', '__name'} or special == '__ns'
+        if key in {'-r', '--remap'} and apart:
+            raise InputError(
+                f'-r {rule}: nodes of a run find each other by their names in one namespace: it '
+                'can rename topics and services, and the namespace of all, by __ns:=/left'
+            )
         if key in {'-p', '--param'} and colon and '*' not in name and name not in nodes:
             print_notice(f"{rule}: the run has no node '{name}'{nearest(name, nodes)}")
     stopped = _stopped(options.record)

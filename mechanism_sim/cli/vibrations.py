@@ -36,7 +36,7 @@ def add(command: Command) -> None:
     sub = command('response', _response, 'steady response to a harmonic force or base motion')
     scene_options(sub)
     sub.add_argument(
-        'quantities', nargs='*', metavar='QUANTITY',
+        'quantities', nargs='*', default=[], metavar='QUANTITY',
         help='as position.mass or reaction.ground_mass.x; all positions if none is given',
     )  # fmt: skip
     option(sub, '--force', 'LINK.POINT', 'a force of amplitude 1 N at this point')

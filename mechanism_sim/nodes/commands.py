@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.messages import Float64
+from mechanism_sim.messages import Float64, type_name
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.partners import SAY_AGAIN, SETTLE
@@ -19,6 +19,7 @@ from mechanism_sim.planar.drive import DriveLaw
 PATIENCE = 1.0
 """[s] of wall time after which a state that no command answers is shown again."""
 
+_TYPE = type_name(Float64)
 _LOOK = 0.5  # [s] polling interval for pending commands, long enough for a node to join
 
 
@@ -93,7 +94,12 @@ class DriveCommands:
     @property
     def _published(self) -> bool:
         """True if the graph shows publishers of commands."""
-        return bool(self._drive.get_publishers_info_by_topic(self._topic))
+        return _TYPE in self._types
+
+    @property
+    def _types(self) -> set[str]:
+        """Types of messages with which somebody publishes on the topic of commands."""
+        return {p.topic_type for p in self._drive.get_publishers_info_by_topic(self._topic)}
 
     def begin(self) -> None:
         """Start of a run: with values at launch, or with another value of the scene."""
@@ -142,7 +148,10 @@ class DriveCommands:
         elif at != drive.announced:
             self._held = time.monotonic(), drive.announced
         elif not self._begun:
-            drive.partners.say_waiting(f'a publisher of {self._topic}', since, 'controller')
+            others = ', '.join(sorted(self._types))
+            wrong = f' of the type {_TYPE}, not {others}' if others else ''
+            said = f'a publisher of {self._topic}{wrong}'
+            drive.partners.say_waiting(said, since, f'controller{wrong}')
         else:
             nobody = '' if self._published else ', which nobody in the graph publishes'
             said = f'a command on {self._topic} since t = {at:.9g} s{nobody}'

@@ -283,10 +283,10 @@ class CrankDrive(Drive):
             found.message = 'playing' if self.playing else 'paused'
             found.values |= {
                 'announced [s]': self.announced,
-                'real-time factor': achieved,
+                'real-time factor': 'not measured yet' if achieved is None else achieved,
                 'real-time factor asked for': asked,
             }
-            if self.playing and asked > 0.0 and achieved < BEHIND * asked:
+            if self.playing and asked > 0.0 and achieved is not None and achieved < BEHIND * asked:
                 found.level = DiagnosticStatus.WARN
                 found.message = f'{achieved:.3g} times real time instead of {asked:g}'
                 self.get_logger().warning(found.message, throttle_duration_sec=60.0)

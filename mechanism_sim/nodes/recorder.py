@@ -47,7 +47,9 @@ class Recorder(SimulationNode):
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
         # Until all are present the run may be refused, and messages may be another run's.
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'), wait=True)
-        self._now, self._clock_time = 0, -1  # [ns] time of the last message, of the last clock
+        # [ns] time of the first message, of the last and of the last clock
+        self._begin, self._now, self._clock_time = 0, -1, -1
+        self._undated: list[tuple[str, bytes]] = []  # descriptions before the first time
         self._reports: dict[str, Any] = {}  # reports by node with pending messages
         self._complete: dict[str, float] = {}  # [s] by node, to which the bag is complete
         self._due: dict[str, int] = {}  # counts by topic for the next review
@@ -60,7 +62,7 @@ class Recorder(SimulationNode):
             deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
             name = self.resolve_topic_name(topic)
             self._topics[name] = kind, PROFILES[delivery]
-            callback = self._make_callback(name, type_name(kind))
+            callback = self._make_callback(name, type_name(kind), delivery == 'latched')
             self.create_subscription(kind, topic, self.once_ready(callback), deep, raw=True)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self.create_timer(FLUSH_PERIOD, self._flush)
@@ -69,14 +71,14 @@ class Recorder(SimulationNode):
     def begin_run(self, number: int) -> None:
         """Start a new bag."""
         super().begin_run(number)
-        self.writer.close()
+        self._end_bag()
         overwrite = self.value('overwrite')
         path = next_bag(
             Path(self.value('file')), number, lambda name: not overwrite and name.exists()
         )
         self.writer = BagWriter(path, overwrite=overwrite, wait=True)
         self.on_ready()
-        self._now, self._clock_time = 0, -1
+        self._begin, self._now, self._clock_time = 0, 0, -1
         for topic, data, t in self._ahead:
             self.writer.write(topic, data, t)
         self._ahead.clear()
@@ -100,8 +102,11 @@ class Recorder(SimulationNode):
         if self.ready:
             self.writer.flush()
 
-    def _make_callback(self, topic: str, kind: str) -> Callable[[bytes], None]:
-        """Callback that writes a serialised message at its simulated time."""
+    def _make_callback(self, topic: str, kind: str, latched: bool) -> Callable[[bytes], None]:
+        """Callback that writes a serialised message at its simulated time.
+
+        What is latched was published at the start: it comes no earlier than the bag begins.
+        """
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
         # All machines share these topics: frames of others have other parents.
@@ -114,32 +119,53 @@ class Recorder(SimulationNode):
         def write(data: bytes) -> None:
             if ours and not data.startswith(ours, _PARENT):
                 return
+            now = self._now
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
                 whole, part = _STAMP.unpack_from(data, offset)
                 now = whole * NANOSECONDS + part
                 if topic == '/clock':
-                    if self._ended or now > self._announced:
-                        return  # of the previous run, recognised by its time only
+                    # Of the previous run, recognised by its time only, or of another machine.
+                    if self._ended or now > self._announced or self._clocks() == (False, True):
+                        return
                     self._clock_time = now
-                self._now = now
+                if not latched:
+                    self._date(now)
+            if self._now < 0:
+                self._undated.append((topic, data))
+                return
             if topic in tells and _run_of(data) == self.run + 1:
                 self.begin_run(self.run + 1)
             if self._ended and not self.done:
                 # Of the next run, not yet known here: topics have no relative order.
-                self._ahead.append((topic, data, self._now if kind != _NO_STAMP else 0))
+                self._ahead.append((topic, data, now if kind != _NO_STAMP else 0))
                 return
-            if self.writer.write(topic, data, self._now) == self._due.get(topic):
-                self._review()
+            self._put(topic, data, max(now, self._begin) if latched else now)
             if self._loss_deadline is not None:
                 self._finish()
 
         return write
 
+    def _put(self, topic: str, data: bytes, now: int) -> None:
+        if self.writer.write(topic, data, now) == self._due.get(topic):
+            self._review()
+
+    def _date(self, now: int) -> None:
+        """Store the time [ns] of a message; the first is that of descriptions before it, too."""
+        if self._now < 0:
+            self._begin = now
+        self._now, undated, self._undated = now, self._undated, []
+        for topic, data in undated:
+            self._put(topic, data, now)
+
+    def _end_bag(self) -> None:
+        self._date(max(self._now, 0))
+        self.writer.close()
+
     def on_progress(self, message: Any) -> None:
         """Record a report, report the complete part of the bag, end after all partners."""
         if message.run > self.run:
             self.begin_run(message.run)
-        self._now = nanoseconds(message.header.stamp)
+        self._date(nanoseconds(message.header.stamp))
         progress = self.resolve_topic_name('progress')
         reports = dict(zip(message.topics, message.counts, strict=True)).get(progress, 1)
         if self.writer.write(progress, serialize(message), self._now) == 1 and reports > 1:
@@ -210,11 +236,14 @@ class Recorder(SimulationNode):
 
     def _clock_ended(self) -> bool:
         """True if the clock of the drive has reached the end, or the drive has none."""
+        return self._clock_time >= self._announced or not self._clocks()[0]
+
+    def _clocks(self) -> tuple[bool, bool]:
+        """True if the drive of this machine has a clock, and if any other node has one."""
         drive = 'crank_drive', self.get_namespace()
-        return self._clock_time >= self._announced or not any(
-            (info.node_name, info.node_namespace) == drive
-            for info in self.get_publishers_info_by_topic('/clock')
-        )
+        publishers = self.get_publishers_info_by_topic('/clock')
+        own = [(info.node_name, info.node_namespace) == drive for info in publishers]
+        return True in own, False in own
 
     def diagnose(self) -> Diagnosis:
         """Statistics of the bag."""
@@ -230,7 +259,7 @@ class Recorder(SimulationNode):
         if not self.ready and self._early and self.partners.alone:
             self.on_ready()
             self._take_early()
-        self.writer.close()
+        self._end_bag()
         super().destroy_node()
 
 

@@ -321,6 +321,7 @@ class Monitor(SimulationNode):
         """Show the progress of a partner."""
         if message.run > self.run:
             self.begin_run(message.run)
+            self.impacts = 0
         self._heard = now = time.monotonic()
         self.run_time = now - (self.first_heard or now)
         self.time = min(self.partners.time, self.duration)

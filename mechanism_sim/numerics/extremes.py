@@ -85,6 +85,7 @@ class ExtremeSearch:
     positive : mask of functions that are never negative, such as magnitudes of forces
     magnitudes : mask of functions of which only the extreme farther from zero is searched, as for
         a magnitude
+    arms : by group another one and the factor of its magnitudes, from which the group follows
 
     Attributes
     ----------
@@ -98,11 +99,17 @@ class ExtremeSearch:
         sizes: Mapping[Hashable, float] = MappingProxyType({}),
         positive: Sequence[bool] | None = None,
         magnitudes: Sequence[bool] | None = None,
+        arms: Mapping[Hashable, tuple[Hashable, float]] = MappingProxyType({}),
     ) -> None:
         known = list(dict.fromkeys(groups))
         self._group = np.array([known.index(g) for g in groups], np.intp)
         self._largest = np.array([sizes.get(g, 0.0) for g in known])
         self._sized = [known.index(g) for g in sizes if g in known]
+        self._arms = [
+            (known.index(g), known.index(of), arm)
+            for g, (of, arm) in arms.items()
+            if g in known and of in known
+        ]
         count = len(groups)
         at_least = np.zeros(count, bool) if positive is None else np.asarray(positive)
         self._highest = np.append(np.full(count, np.inf), np.where(at_least, 0.0, np.inf))
@@ -137,7 +144,10 @@ class ExtremeSearch:
     @property
     def rounding(self) -> Array:
         """Rounding errors (C,): smaller differences count as equality."""
-        return np.asarray(_ROUNDING.value * self._largest[self._group])
+        largest = self._largest.copy()
+        for group, of, arm in self._arms:
+            largest[group] = max(largest[group], arm * largest[of])
+        return np.asarray(_ROUNDING.value * largest[self._group])
 
     @property
     def _limit(self) -> Array:

@@ -12,6 +12,7 @@ from mechanism_sim.messages.part_states import integrator_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.drives import drive_key, drive_of
+from mechanism_sim.units import unrounded
 
 DRIVE = 'crank_drive'
 RPM = 30.0 / math.pi
@@ -60,7 +61,7 @@ class Control:
 
     def si(self, value: float) -> float:
         """A value [SI] of one that a page gives."""
-        return value / self.scale
+        return unrounded(value / self.scale)
 
     def override(self, value: float) -> str:
         """``PATH=VALUE`` for a value of a page."""

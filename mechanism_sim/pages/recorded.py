@@ -21,7 +21,7 @@ PER_TURN = 120
 NEAR = 1e-3
 """Share of the clearance by which a pin may be off its place between two instants."""
 AWAY = 0.05
-"""The same share, by which a pin is visibly elsewhere."""
+"""Share of the clearance by which a pin is visibly off its place."""
 MOST = 20_000
 """Instants of a run at most, beside those at events; and impacts."""
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import shlex
 import shutil
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 from itertools import count as numbers_from
 from pathlib import Path
 from typing import IO, Any, BinaryIO, cast
@@ -30,10 +31,11 @@ class BagInfo:
     """Contents of a bag.
 
     size: [bytes]; start, end: smallest and largest log time [s], simulated; duration: between
-    them [s]; scene: name of the scene that made it, None where topic `scene` is missing;
-    version: of its content, '0' where it has none; package: version of this package that
-    wrote it; wall_time: how long the recording took [s], None where that is not known; recovered:
-    `recover` has closed it; damaged: without parts that were damaged. Chunks are not read for it.
+    them [s]; scene: name of the scene that made it, None where topic `scene` is missing; scenes:
+    those of several machines by namespace; version: of its content, '0' where it has none;
+    package: version of this package that wrote it; wall_time: how long the recording took [s],
+    None where that is not known; recovered: `recover` has closed it; damaged: without parts that
+    were damaged. Chunks are not read for it.
     """
 
     path: str
@@ -53,6 +55,7 @@ class BagInfo:
     wall_time: float | None
     recovered: bool = False
     damaged: bool = False
+    scenes: Mapping[str, str | None] = field(default_factory=dict)
 
     @property
     def realtime_factor(self) -> float | None:
@@ -60,9 +63,9 @@ class BagInfo:
         return realtime_factor(self.duration, self.wall_time)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the same as a plain dictionary; `damaged` where it is true only."""
+        """Return the same as a plain dictionary; without `damaged` and `scenes` where not so."""
         found = asdict(self) | {'realtime_factor': self.realtime_factor}
-        return found if self.damaged else {k: v for k, v in found.items() if k != 'damaged'}
+        return {k: v for k, v in found.items() if v or k not in {'damaged', 'scenes'}}
 
 
 def info(path: Path | str) -> BagInfo:
@@ -74,6 +77,8 @@ def info(path: Path | str) -> BagInfo:
     """
     bag = read_bag(path)
     topics = tuple(bag.topics.values())
+    homes = scene_homes(topics)
+    several = homes if len(homes) > 1 else ()
     return BagInfo(
         path=str(bag.path),
         size=bag.size,
@@ -92,15 +97,16 @@ def info(path: Path | str) -> BagInfo:
         wall_time=bag.wall_time,
         recovered=bag.recovered,
         damaged=bag.damaged,
+        scenes={home or '/': scene_name(bag, home) for home in several},
     )
 
 
-def scene_name(bag: Bag) -> str | None:
+def scene_name(bag: Bag, namespace: str | None = None) -> str | None:
     """Return the name of the scene from the latched topic `scene` of a bag, None without one.
 
     The topic holds the name itself, or the scene as YAML or JSON with its `name`.
     """
-    text = scene_text(bag)
+    text = scene_text(bag, namespace)
     if text is None:
         return None
     try:
@@ -112,10 +118,10 @@ def scene_name(bag: Bag) -> str | None:
     return text.partition('\n')[0]
 
 
-def displacements(bag: Bag) -> frozenset[str] | None:
+def displacements(bag: Bag, namespace: str | None = None) -> frozenset[str] | None:
     """Return the coordinates that are displacements, by the latched topic `scene`, if it says."""
     try:
-        content = strict_json.loads(scene_text(bag) or '{}')
+        content = strict_json.loads(scene_text(bag, namespace) or '{}')
     except ValueError:
         return None  # a name, or YAML
     said = content.get('displacements') if isinstance(content, dict) else None
@@ -127,16 +133,27 @@ def scene_text(bag: Bag, namespace: str | None = None) -> str | None:
 
     Args:
         bag: The bag.
-        namespace: Of the machine, as '/left'; the first scene in the bag by default.
+        namespace: Of the machine, as 'left' or '/left'; the outermost scene by default.
 
     """
-    prefix = f'{(namespace or "").rstrip("/")}/'
-    for topic in bag.topics.values():
-        own = topic.name.startswith(prefix) and topic.name.rpartition('/')[2] == 'scene'
-        if own and topic.type == 'std_msgs/msg/String':
-            for _, message, _ in bag.messages(topic.name):
-                return str(message.data)
+    homes = scene_homes(bag.topics.values())
+    own = [home for home in homes if f'{home}/'.startswith(prefix_of(namespace))]
+    for home in sorted(own, key=len):
+        for _, message, _ in bag.messages(f'{home}/scene'):
+            return str(message.data)
     return None
+
+
+def scene_homes(topics: Iterable[BagTopic]) -> list[str]:
+    """Return the namespaces with a scene, as '/left'; empty for the root."""
+    strings = [t.name.rpartition('/') for t in topics if t.type == 'std_msgs/msg/String']
+    return sorted(home for home, slash, last in strings if slash and last == 'scene')
+
+
+def prefix_of(namespace: str | None) -> str:
+    """Return what the names of topics in a namespace begin with, as '/left/'."""
+    home = (namespace or '').strip('/')
+    return f'/{home}/' if home else '/'
 
 
 def render_info(bag: BagInfo) -> str:
@@ -150,9 +167,10 @@ def render_info(bag: BagInfo) -> str:
         author = bag.library or 'unknown'
     else:
         author = f'{bag.library} {bag.package}'.rstrip() + f', bag version {bag.version}'
+    scenes = ', '.join(f'{name} in {home}' for home, name in bag.scenes.items())
     head = {
         'bag': f'{bag.path} ({bag.size / 1e6:.3g} MB, {bag.compression})',
-        'scene': bag.scene or 'not recorded',
+        'scene': scenes or bag.scene or 'not recorded',
         kind: f'{bag.duration:.6g} s, from {instant(bag.start, 6)} s to {instant(bag.end, 6)} s',
         'recorded': pace,
         'messages': f'{bag.messages} on {len(bag.topics)} topics{_uncounted(bag)}',
@@ -293,7 +311,7 @@ def render_recovery(found: RecoveredBag) -> str:
             'left as it is'
         )
     held = counted(found.messages, 'message')
-    lines = [f'{found.path} is closed: {held}, up to {found.end:.6g} s']
+    lines = [f'{found.path} is closed: {held}, up to {instant(found.end, 6)} s']
     if found.dropped_bytes:
         chunks = f'{counted(found.dropped_chunks, "chunk")}, ' if found.dropped_chunks else ''
         span = ''

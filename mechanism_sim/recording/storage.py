@@ -104,17 +104,6 @@ class FileLayout:
     rest: bytes = b''
 
 
-def _survey(path: Path) -> FileLayout:
-    """Return the layout of a file: from its index, or by reading all of it where that is missing.
-
-    Raises:
-        InputError: No such file, or not an MCAP.
-
-    """
-    with opened(path) as stream:
-        return from_index(path, stream) or _from_records(path, stream)
-
-
 def _absent(path: Path) -> InputError:
     return InputError(f'{path} does not exist{nearest_file(path, BAG_ENDINGS)}')
 

@@ -62,10 +62,10 @@ def statistics(found: Statistics) -> str:
     kept = found.revolutions - found.skipped
     lines = [f'{counted(kept, "revolution")} after {found.skipped}; a revolution:']
     for m in found.means:
-        line = f'  {m.name.replace("_", " "):18} {m.mean:12.6g} +- {m.half_width:.2g} {m.unit}'
+        line = f'  {m.name.replace("_", " "):24} {m.mean:12.6g} +- {m.half_width:.2g} {m.unit}'
         lines.append(line.rstrip())
     lines.append(
-        f'  I_n (impulse per impact) {found.I_n:.6g} +- {found.I_n_half_width:.2g} N s'
+        f'  I_n (impulse per impact) {found.I_n:12.6g} +- {found.I_n_half_width:.2g} N s'
         if math.isfinite(found.I_n)
         else '  no impacts'
     )

@@ -63,7 +63,8 @@ class Extremes:
 
     least: Extreme
     greatest: Extreme
-    rounding: float  #: rounding error: 1e-12 of the greatest of all columns of its kind
+    #: rounding error: 1e-12 of the greatest of all columns of its kind, or of forces at an arm
+    rounding: float
 
     @property
     def constant(self) -> bool:
@@ -86,13 +87,17 @@ def _search_of(
     For names in `magnitudes` only the extreme farther from zero is searched.
 
     Rounding is measured by the largest value of a kind in one unit; that of gaps and the like,
-    which are differences of lengths, by the size of the machine.
+    which are differences of lengths, by the size of the machine, that of moments and torques by
+    forces with such an arm, too.
     """
     groups = [(quantity.kind, quantity.unit) for quantity in wanted]
     differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
     sizes = [quantity.part == 'size' for quantity in wanted]
     either = [quantity.name in magnitudes for quantity in wanted]
-    return ExtremeSearch(groups, differences, sizes, either)
+    arms: dict[Hashable, tuple[Hashable, float]] = {
+        group: (('reaction', 'N'), size) for group in groups if group[1] == 'N m'
+    }
+    return ExtremeSearch(groups, differences, sizes, either, arms)
 
 
 def travel(machine: Machine, motion: Motion) -> float:

@@ -13,19 +13,24 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from bags import write_bag
+from builders import simulated
 from scipy import stats
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.collectors import VibrationCollector
 from mechanism_sim.analysis.details import Wanted, find_details
+from mechanism_sim.analysis.open_run import MessageRun
 from mechanism_sim.analysis.record import RecordedPiece, read_record
-from mechanism_sim.analysis.summary import Crank, analyze
+from mechanism_sim.analysis.summary import Crank, _Channels, analyze
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.messages import message_class, serialize
+from mechanism_sim.messages import JointState, message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+from mechanism_sim.recording.inventory import info, render_info
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
@@ -329,6 +334,32 @@ def test_vibration_of_a_sine(summary):
     assert sensor.missing == 0
 
 
+def test_orders_are_those_of_the_samples_along_which_the_motion_is_known(tmp_path):
+    """Of a recorder that came late a block of samples may begin before the motion."""
+    run, late = whole_run(), whole_run()
+    del run['motion'][0], late['motion'][0]
+    samples = np.concatenate([block.samples for _, block in run['sensors']])
+    _, block = next(blocks())
+    block.time, block.samples = 0.25, samples[2500:]
+    late['sensors'] = [(0.25, block)]
+    (found,), (expected,) = (
+        analyze(record(tmp_path / f'{k}.mcap', x)).vibration for k, x in enumerate((run, late))
+    )
+    assert found.samples == len(samples)
+    assert found.orders
+    np.testing.assert_allclose(found.orders, expected.orders, rtol=1e-12)
+
+
+def test_recorded_samples_need_no_motion():
+    motion, seen = simulated('four_bar_clearance', duration=0.02).piece.motion, []
+    for machine in (None, ms.load_scene('four_bar_clearance')):
+        channels = _Channels(machine, VibrationCollector())
+        for part in (motion.between(0.0, 0.005), motion.between(0.01, 0.02)):
+            channels.add(part)
+        seen.append(bool(channels.lost))
+    assert seen == [False, True]
+
+
 def test_missing_samples_and_a_flat_signal(tmp_path):
     run = {'sensors': [block for i, block in enumerate(blocks()) if i != 3]}
     for _, block in run['sensors']:
@@ -579,6 +610,46 @@ def test_namespaces_are_matched_and_told_apart(tmp_path, summary):
         analyze(path)
     assert analyze(path, namespace='/left').digest == summary.digest
     assert analyze(path, namespace='/right/').motion.mean_speed < 0
+
+
+def test_the_impacts_of_a_remapped_topic_belong_to_the_run(tmp_path, summary):
+    run = whole_run()
+    run['shop/hits'] = run.pop('impacts')
+    found = analyze(record(tmp_path / 'remapped.mcap', run))
+    assert (found.impacts.count, found.digest) == (len(IMPACTS), summary.digest)
+    assert not any('impacts' in said for said in found.absent)
+
+
+def test_machines_of_a_bag_have_their_own_scenes_and_sensors(tmp_path):
+    """One slides by a piston, in no namespace; the other turns, in one below."""
+    scenes = {'': 'slider_crank_piston_driven', '/left': 'four_bar_nominal'}
+    both = tmp_path / 'both.mcap'
+    with BagWriter(both) as writer:
+        for home, scene in scenes.items():
+            single = read_bag(
+                write_bag(tmp_path / f'{scene}.mcap', simulated(scene, duration=0.02))
+            )
+            for topic in single.topics.values():
+                writer.add_topic(home + topic.name, topic.type, topic.qos or Qos())
+            for name, message, time in single.raw():
+                writer.write(home + name, message, time)
+            state, main = f'{home}/joint_states', ms.load_scene(scene).plan.main
+            writer.add_topic(state, JointState.__msgtype__, Qos())
+            writer.write(state, serialize(JointState(name=[main], position=[0.0])), 0)
+    assert info(both).scenes == {home or '/': scene for home, scene in scenes.items()}
+    said = f'scene:      {scenes[""]} in /, {scenes["/left"]} in /left'
+    assert said in render_info(info(both))
+    for home, scene in (('/', scenes['']), ('left', scenes['/left']), ('/left', scenes['/left'])):
+        alone = analyze(tmp_path / f'{scene}.mcap')
+        found, expected = analyze(both, namespace=home).to_json(), alone.to_json()
+        for part in found.keys() - {'bag', 'ledger'}:
+            assert found[part] == expected[part], part
+    run = MessageRun(read_bag(both))
+    assert run.one('/left/joint_states.position[crank]').unit == 'rad'
+    assert run.one('/joint_states.position[piston]').unit == 'm'
+    for read in (analyze, ms.open_run):
+        with pytest.raises(InputError, match="in namespace lef; did you mean '/left'"):
+            read(both, namespace='lef')
 
 
 def test_text_and_json_say_the_same(summary):

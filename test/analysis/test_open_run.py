@@ -47,6 +47,22 @@ def foreign(path, velocities, unknown=()):
     return path
 
 
+def test_a_long_bag_is_opened_without_reading_it_and_its_names_in_one_pass(tmp_path, monkeypatch):
+    bag, handed = read_bag(foreign(tmp_path / 'states.mcap', velocities=True)), []
+    messages = bag.messages
+
+    def counted(topics=None):
+        for found in messages(topics):
+            handed.append(found)
+            yield found
+
+    monkeypatch.setattr(bag, 'messages', counted)
+    run = ms.open_run(bag)
+    assert len(handed) <= 1
+    assert run.names()[:4] == ['position.rod', 'position.slide', 'velocity.rod', 'velocity.slide']
+    assert len(handed) <= 81 + 2
+
+
 def test_all_sources_give_the_same_numbers(tmp_path):
     record = simulated('four_bar_clearance', duration=0.05)
     bag = write_bag(tmp_path / 'run.mcap', record)

@@ -168,6 +168,9 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
         ('animate slider_crank --pulse 1', '--pulse applies to a sound'),
         ('export slider_crank --format urdf --namespace a', '--namespace applies to --format'),
         ('cycle four_bar_crossed --local', 'its level has no forces'),
+        ('run slider_crank --ros-args -r __node:=a', '-r __node:=a: nodes of a run find each'),
+        ('run slider_crank --ros-args --remap linkage:__name:=a', '-r linkage:__name:=a: nodes'),
+        ('run slider_crank --ros-args -r linkage:__ns:=/a', 'the namespace of all, by __ns:='),
     ],
 )  # fmt: skip
 def test_an_option_that_does_not_apply_is_refused(line, said):

@@ -81,6 +81,8 @@ def test_a_name_that_moved_is_answered_by_the_new_one(capsys, monkeypatch):
         ('new .yaml', 'is not a scene name'),
         ('check run.mcap', "'run.mcap' is a bag, not a scene"),
         ('solve', 'solve: SCENE is missing'),
+        ('report', 'mechanism-sim: report: BAG|SCENE is missing;'),
+        ('response', 'mechanism-sim: response: SCENE is missing;'),
         ('check x --json=3', "--json takes no value, but '3' was given"),
         ('check x --latex --markdown', '--markdown and --latex exclude each other'),
         ('--versoin', "no option '--versoin'; did you mean '--version'?"),

@@ -12,7 +12,14 @@ from middleware_network import PATIENCE, Network, Process, eventually, spin_unti
 from running import ROOT, TIMEOUT
 
 import zenoh_rclpy
-from mechanism_sim.messages import Impact, JointState, serialize
+from mechanism_sim.messages import (
+    Float64,
+    Impact,
+    JointState,
+    serialize,
+    type_hash,
+    type_name,
+)
 from mechanism_sim.nodes.middleware import (
     DurabilityPolicy,
     ExternalShutdownException,
@@ -26,7 +33,7 @@ from mechanism_sim.nodes.middleware import (
     shutdown,
     spin_once,
 )
-from zenoh_rclpy import executors
+from zenoh_rclpy import executors, session, wire
 from zenoh_rclpy.config import router_config, session_config
 from zenoh_rclpy.inbox import LIMIT
 from zenoh_rclpy.subscription import Subscription
@@ -98,6 +105,44 @@ def test_twenty_thousand_messages_reach_a_slow_subscriber_in_order(joined):
     init()  # for the fixture
     assert collector.expect('got') == '20000 True'
     collector.finish()
+
+
+def test_who_has_not_read_all_is_named_at_the_end(joined, monkeypatch, caplog):
+    """The program would stand still without a word."""
+    monkeypatch.setattr(session, 'ASK_AGAIN', 0.2)
+    collector = joined.start(COLLECT, 3000, 300e-6)
+    quick = Node('quick')  # of this process, which is not waited for
+    publisher = quick.create_publisher(Impact, 'impacts', KEEP_ALL)
+    assert eventually(lambda: quick.count_subscribers('last') == 1)
+    publisher.publish_all([Impact(index=index) for index in range(3000)])
+    assert publisher.wait_for_all_acked()
+    quick.destroy_node()
+    assert collector.expect('got') == '3000 True'
+    collector.finish()
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert said == 'waiting for /collector to read all that was published'
+
+
+def test_a_program_on_plain_zenoh_that_answers_is_waited_for(joined):
+    """By the question that topics.md gives; without it nobody would know of the program."""
+    node, asked = Node('here'), []
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+
+    def answer(query):
+        asked.append(str(query.key_expr))
+        time.sleep(0.3)
+        query.reply(query.key_expr, b'')
+        query.drop()
+
+    with zenoh.open(session_config()) as plain:
+        assert eventually(plain.info.routers_zid)
+        domain = joined.settings['ROS_DOMAIN_ID']
+        plain.declare_queryable(f'@mechanism_sim/{domain}/{plain.zid()}', answer)
+        assert eventually(lambda: publisher.wait_for_all_acked() and asked)
+        before = time.monotonic()
+        assert publisher.wait_for_all_acked()
+        assert time.monotonic() - before >= 0.3
+    node.destroy_node()
 
 
 def test_a_publisher_that_ends_at_once_loses_nothing(either):
@@ -299,6 +344,29 @@ def test_keep_last_keeps_the_last():
         publisher.publish(Impact(index=index))
     spin_until(node, lambda: len(got) == 3)
     assert got == [7, 8, 9]
+
+
+@pytest.mark.parametrize('history', [HistoryPolicy.KEEP_LAST, HistoryPolicy.KEEP_ALL])
+def test_a_program_that_begins_to_count_anew_is_heard(joined, history):
+    """One on plain Zenoh, with a gid that stays; what comes twice is that of one time."""
+    node, got = Node('here'), []
+    node.create_subscription(
+        Float64, 'speed', lambda m: got.append(m.data), QoSProfile(depth=10, history=history)
+    )
+    kind = 'std_msgs::msg::dds_::Float64_'
+    key = f'{joined.settings["ROS_DOMAIN_ID"]}/speed/{kind}/{type_hash(type_name(Float64))}'
+    sent = ((1, 100, 1.0), (2, 110, 2.0), (2, 110, 2.0), (1, 100, 1.0), (1, 200, 3.0),
+            (1, 210, 4.0), (2, 205, 5.0), (3, 300, 6.0))  # fmt: skip
+    with zenoh.open(session_config()) as plain:
+        assert eventually(plain.info.routers_zid)
+        publisher = plain.declare_publisher(key)
+        assert eventually(lambda: publisher.matching_status.matching)
+        for number, time_, value in sent:
+            about = wire.pack_attachment(number, time_, bytes(16))
+            publisher.put(serialize(Float64(data=value)), attachment=about)
+        spin_until(node, lambda: 6.0 in got)
+    assert got == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    node.destroy_node()
 
 
 @pytest.mark.usefixtures('joined')

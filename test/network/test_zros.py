@@ -26,7 +26,7 @@ from ros_interfaces.names import InvalidNameError
 from ros_interfaces.plain import field, from_plain, to_plain
 from zenoh_rclpy import command_node as commanding
 from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
-from zenoh_rclpy.commands import _param_dump, _print, _values, main
+from zenoh_rclpy.commands import _info, _param_dump, _print, _values, main
 from zenoh_rclpy.errors import MiddlewareError
 from zenoh_rclpy.parameter_files import read_parameters, write_parameters
 
@@ -42,7 +42,7 @@ def network(monkeypatch):
     return env
 
 
-def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
+def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path, capsys):
     bag = tmp_path / 'run.mcap'
     running = start(
         'run', 'four_bar_clearance', '--paused', '--hold', '--duration', '1', '--record', str(bag),
@@ -56,6 +56,9 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
             assert topics['/impacts'] == ['mechanism_sim/msg/Impact']
             assert not any('_action' in name for name in topics)
             assert {'/crank_drive', '/linkage', '/recorder'} <= set(node.nodes())
+            _info(node, SimpleNamespace(topic='/scene', verbose=True, json=True))
+            (by,) = json.loads(capsys.readouterr().out)['publishers']
+            assert by == '/linkage (reliable, transient_local, keep_last 1)'
             assert node.actions() == ['/simulate_steps']
             assert '/step_simulation' in dict(node.services())
             drive = node.endpoints('drive')
@@ -394,16 +397,27 @@ def test_messages_that_come_in_part_are_counted(monkeypatch):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_command_in_one_sentence(network, number):
-    words = ['topic', 'echo', '/nothing', 'std_msgs/msg/String']
+@pytest.mark.parametrize(
+    ('verb', 'end', 'said'),
+    [('echo', 'subscriptions', ''), ('pub', 'publishers', 'published on /nothing\n')],
+)
+def test_a_signal_ends_a_command_in_one_sentence(network, number, verb, end, said):
+    words = [
+        'topic',
+        verb,
+        '/nothing',
+        'std_msgs/msg/String',
+        *(['--rate', '0.01'] if said else []),
+    ]
     with command_node(60.0) as node:
         listener = subprocess.Popen(
             [sys.executable, '-m', 'zenoh_rclpy', *words], env=network,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         try:
-            find = node.node.get_subscriptions_info_by_topic
+            find = getattr(node.node, f'get_{end}_info_by_topic')
             assert eventually(lambda: bool(find('/nothing')))
+            assert not said or listener.stdout.readline() == said
             listener.send_signal(number)
             assert listener.communicate(timeout=TIMEOUT) == ('', 'zros: interrupted\n')
         finally:
@@ -491,20 +505,20 @@ def test_messages_come_at_the_rate_asked_for_whatever_publishing_takes(rate, tim
     """It takes 30 ms here, and once half a second: what is late then is not made up."""
     clock, sent = SimpleNamespace(now=0.0, monotonic=lambda: clock.now), []
 
-    def sleep(seconds):
-        clock.now += seconds
+    def spin_once(_, timeout_sec):
+        clock.now += timeout_sec
 
     def publish(_):
         sent.append(clock.now)
         clock.now += 0.5 if len(sent) == 3 else 0.03
 
-    clock.sleep = sleep
     publisher = SimpleNamespace(
         publish=publish, get_subscription_count=lambda: 1, wait_for_all_acked=lambda _: True
     )
     node = SimpleNamespace(create_publisher=lambda *_: publisher)
     monkeypatch.setattr('zenoh_rclpy.command_node.Node', lambda *_, **__: node)
     monkeypatch.setattr('zenoh_rclpy.command_node.time', clock)
+    monkeypatch.setattr('zenoh_rclpy.command_node.spin_once', spin_once)
     CommandNode().publish('/x', FLOAT, None, len(times), rate, lambda: None)
     assert sent == pytest.approx(times, abs=0.6 if rate < 1.0 else 1e-9)
 

@@ -22,7 +22,9 @@ from running import TIMEOUT, command, environment, run, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
-from mechanism_sim.nodes.run import Outcome
+from mechanism_sim.messages import Progress, uint64_array
+from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.run import Monitor, Outcome
 from mechanism_sim.recording.reader import read_bag
 
 # what nodes do is compared with runs of this process
@@ -484,6 +486,20 @@ def test_parameters_that_are_nearly_right_are_named():
     assert "'lead';" not in done.stderr
     assert "the run has no node 'crank_drve'; did you mean 'crank_drive'?" in done.stderr
     assert done.stderr.count('the run has no node') == 1
+
+
+@pytest.mark.usefixtures('network')
+def test_impacts_are_those_of_the_last_run():
+    monitor = Monitor([Parameter('scene', value=SCENE), Parameter('partners', value='linkage')])
+    for number, counts in ((0, {'/impacts': 5}), (1, {'/motion': 1})):
+        monitor.on_progress(
+            Progress(
+                node='linkage', run=number, topics=list(counts),
+                counts=uint64_array(list(counts.values())),
+            )
+        )  # fmt: skip
+        assert monitor.impacts == counts.get('/impacts', 0)
+    monitor.destroy_node()
 
 
 def test_a_run_that_does_not_keep_its_pace_says_so():

@@ -24,7 +24,15 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.messages import Clock, Float64, Impact, JointState, Log, service_class
+from mechanism_sim.messages import (
+    Clock,
+    Float64,
+    Impact,
+    JointState,
+    Log,
+    message_class,
+    service_class,
+)
 from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.nodes import commands, control_relay, middleware, pace, partners, publications
 from mechanism_sim.nodes.classes import node_class
@@ -363,7 +371,7 @@ def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(
     monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
     monkeypatch.setattr(partners, 'SAY_AGAIN', 0.0)
     monkeypatch.setattr(commands, 'PATIENCE', 0.0)
-    told, there = [], []
+    told, there, kind = [], [], 'std_msgs/msg/Float'
 
     def says(said: str) -> Callable[[], bool]:
         def heard() -> bool:
@@ -379,6 +387,10 @@ def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(
         run = [*nodes.values()]
         try:
             spin(run, says('a publisher of /command/effort'))
+            there.append(Node('other'))
+            there[0].create_publisher(message_class(f'{kind}32'), 'command/effort', RESULTS)
+            spin(run, says(f'a publisher of /command/effort of the type {kind}64, not {kind}32'))
+            there.pop().destroy_node()
             there.append(Commander('first', answers))
             held = f'a command on /command/effort since t = {1e-3 * period * (answers + 1):g} s'
             spin([*run, *there], says(held))

@@ -6,12 +6,24 @@ import pytest
 from middleware_network import eventually
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.messages import Progress, uint64_array
+from mechanism_sim.messages import (
+    Clock,
+    Header,
+    JointState,
+    Progress,
+    String,
+    TFMessage,
+    TransformStamped,
+    stamp,
+    uint64_array,
+)
 from mechanism_sim.nodes import recorder as recording
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
-from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.recording.reader import read_bag
+
+SCENE = 'four_bar_clearance'
 
 
 @pytest.mark.parametrize('before', [0, 40])
@@ -20,7 +32,7 @@ def test_a_recorder_that_came_late_says_so(before, tmp_path, monkeypatch, capfd)
     """What is missing then was not lost on the way: a report before the first is missing, too."""
     monkeypatch.setattr(recording, 'LOSS_TIMEOUT', -1.0)
     bag = tmp_path / 'late.mcap'
-    given = {'scene': 'four_bar_clearance', 'file': str(bag), 'partners': 'linkage'}
+    given = {'scene': SCENE, 'file': str(bag), 'partners': 'linkage'}
     partner, executor = Node('linkage'), SingleThreadedExecutor()
     partner.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
     publisher = partner.create_publisher(Progress, 'progress', RESULTS)
@@ -50,3 +62,58 @@ def test_a_recorder_that_came_late_says_so(before, tmp_path, monkeypatch, capfd)
     assert str(ended.value).endswith('; it came when the run had begun') == bool(before)
     assert ('begun already' in capfd.readouterr().err) == bool(before)
     assert read_bag(bag).topics['/progress'].count == 2
+
+
+@pytest.mark.usefixtures('network')
+def test_a_late_bag_begins_where_its_run_is_and_has_no_clock_of_another_machine(tmp_path):
+    """A description is not of time 0 there, whether it has a stamp or not."""
+    bag = tmp_path / 'late.mcap'
+    wrenches = 'outputs.wrenches=10 Hz'
+    given = {'scene': SCENE, 'overrides': [wrenches], 'file': str(bag), 'partners': 'linkage'}
+    partner, executor, heard = Node('linkage'), SingleThreadedExecutor(), []
+    other = Node('crank_drive', namespace='/other')
+    partner.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+    for kind, topic in ((String, 'scene'), (TFMessage, '/tf_static')):
+        partner.create_subscription(kind, topic, heard.append, LATCHED)
+    reports = partner.create_publisher(Progress, 'progress', RESULTS)
+    scene = partner.create_publisher(String, 'scene', LATCHED)
+    frames = partner.create_publisher(TFMessage, '/tf_static', LATCHED)
+    states = partner.create_publisher(JointState, 'joint_states', RESULTS)
+    clock = other.create_publisher(Clock, '/clock', CLOCK)
+    described = TransformStamped(child_frame_id='joint/x')
+    described.header.frame_id = 'world'
+    scene.publish(String(data='{}'))
+    frames.publish(TFMessage(transforms=[described]))
+    recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
+    for node in (partner, recorder):
+        executor.add_node(node)
+
+    def spin_until(condition):
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or condition())
+
+    def recorded():
+        counts = recorder.writer.counts
+        return counts['/scene'], counts['/tf_static'], counts['/joint_states']
+
+    try:
+        spin_until(lambda: recorder.ready)
+        clock.publish(Clock())
+        state = JointState()
+        state.header.stamp = stamp(7.5)
+        spin_until(lambda: len(heard) == 2)
+        states.publish(state)
+        spin_until(lambda: recorded() == (1, 1, 1))
+        reports.publish(Progress(node='linkage', time=8.0, header=Header(stamp=stamp(8.0))))
+        spin_until(lambda: recorder.partners.reports)
+        clock.publish(Clock())
+        frames.publish(TFMessage(transforms=[described]))
+        spin_until(lambda: recorded() == (1, 2, 1))
+    finally:
+        for node in (recorder, partner):
+            executor.remove_node(node)
+        for node in (recorder, partner, other):
+            node.destroy_node()
+    found = read_bag(bag)
+    assert (found.start, found.end) == (7_500_000_000, 8_000_000_000)
+    assert not found.topics['/clock'].count
+    assert [t for _, _, t in found.messages('/scene')] == [found.start]

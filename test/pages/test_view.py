@@ -357,6 +357,12 @@ def test_every_control_is_in_its_limits_and_what_it_sets_is_a_value_of_the_scene
         assert changed.value == pytest.approx(control.high)
 
 
+def test_what_a_control_sets_has_no_rounding_of_its_unit():
+    radial = controls(ms.load_scene(SCENE))[f'{PLAY}.radial']
+    assert 0.26 / 1000.0 != 0.00026
+    assert radial.override(0.26) == f'{PLAY}.radial=0.00026 m'
+
+
 def closed(page: Any) -> int:
     """The code with which a page is sent away."""
     with suppress(ConnectionClosed):

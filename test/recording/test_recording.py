@@ -381,13 +381,17 @@ def test_recovery_keeps_what_others_put_into_a_bag(tmp_path):
     assert (message.log_time, message.publish_time, message.sequence) == (5, 6, 7)
 
 
-def test_the_command_says_what_it_did(tmp_path):
+@pytest.mark.parametrize(
+    ('time', 'shown'), [(10**9, '1 s'), (1_796_066_498_842_000_000, '1796066498.842 s')]
+)
+def test_the_command_says_what_it_did(time, shown, tmp_path):
     path = tmp_path / 'a.mcap'
     with BagWriter(path) as writer:
         writer.add_topic('/a', STRING, RESULT)
-        writer.write('/a', text('a'), 10**9)
+        writer.write('/a', text('a'), time)
     path.write_bytes(path.read_bytes()[:-1])
-    assert f'{path} is closed: 1 message, up to 1 s' in run('bag', 'recover', str(path)).stdout
+    said = run('bag', 'recover', str(path)).stdout
+    assert f'{path} is closed: 1 message, up to {shown}\n' in said
     assert 'it is left as it is' in run('bag', 'recover', str(path)).stdout
     assert run_json('bag', 'recover', str(path))['was_closed']
     missing = run('bag', 'recover', 'missing.mcap')

@@ -262,6 +262,13 @@ def test_a_sensor_has_its_peak_and_its_orders(loose, charts):
     assert marks[0].at == pytest.approx(max(1, math.ceil(marks[0].at / rate - 0.5)) * rate)
 
 
+def test_what_a_sensor_measures_is_written_as_words():
+    gyroscope = {'kind': 'gyroscope', 'link': 'rod', 'sample_rate': '1 kHz'}
+    record = simulated('slider_crank', {'sensors.rate': gyroscope}, revolutions=0.5)
+    (panel,) = charts_of(sections(record))['sensor-rate-run'].panels
+    assert panel.y.title == 'angular velocity [rad/s]'
+
+
 @pytest.mark.slow
 def test_turns_at_the_start_can_be_left_out(loose):
     begin = loose.times_at(np.array([5.0]))[0]

@@ -293,7 +293,9 @@ def test_measures_of_statistics_are_said_to_be_means_of_those_of_each_revolution
     assert found.measures[0].mean == pytest.approx(np.mean(each), rel=1e-9)
     assert np.sqrt(np.mean(np.square(each))) == pytest.approx(whole, rel=1e-9)
     assert found.measures[0].mean < 0.9999 * whole
-    head, row = statistics_text(found).splitlines()[-2:]
+    *means, head, row = statistics_text(found).splitlines()[1:]
+    assert len({line.index(' +- ') for line in means}) == 1  # one below the other
+    assert means[-1].startswith('  I_n')
     assert head == 'measures of each revolution, the mean of them:'
     assert row.startswith(f'  {text}  {np.mean(each):.6g} +- ')
 

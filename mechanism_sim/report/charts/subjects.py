@@ -260,7 +260,7 @@ def _signal(signal: Signal, window: ChartWindow, number: int, title: str, key: s
     x, y = np.concatenate([*parts[1:], np.empty((2, 0))], axis=1)
     curve = ChartCurve(x, y, of=signal.sensor, colour=number)
     axis = replace(TIME, low=window.start, high=window.end)
-    panel = Panel(axis, Axis(signal.quantity, signal.unit), (curve,))
+    panel = Panel(axis, Axis(signal.quantity.replace('_', ' '), signal.unit), (curve,))
     return Chart(key, title, (panel,), 'time', signal.sensor)
 
 
