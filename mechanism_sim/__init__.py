@@ -17,6 +17,7 @@ from mechanism_sim.engine import plotting as _plotting
 from mechanism_sim.numerics.lazy_sympy import postpone_sympy as _postpone_sympy
 
 _ROOMS = {
+    'analysis.measure': ('measure',),
     'analysis.open_run': ('open_run',),
     'catalogue': ('scene_names',),
     'errors': ('InputError', 'RunError'),
@@ -25,7 +26,6 @@ _ROOMS = {
     'report.shown': ('animate', 'draw', 'plot'),
     'report.typeset': ('equations',),
     'results.cycle': ('cycle',),
-    'results.measures': ('measure',),
     'results.simulate': ('simulate', 'stream'),
     'scene.load': ('load_scene',),
     'scene.schema': ('DrivePart', 'JointPart', 'LinkPart', 'Scene', 'SensorPart'),

@@ -19,7 +19,7 @@ from mechanism_sim.studies.four_bars import find_four_bars as find_four_bars
 from mechanism_sim.studies.life import life as life
 from mechanism_sim.scene.load import load_scene as load_scene
 from mechanism_sim.studies.lyapunov import lyapunov as lyapunov
-from mechanism_sim.results.measures import measure as measure
+from mechanism_sim.analysis.measure import measure as measure
 from mechanism_sim.analysis.open_run import open_run as open_run
 from mechanism_sim.pages.notebook import play as play
 from mechanism_sim.report.shown import plot as plot

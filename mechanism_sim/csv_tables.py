@@ -22,7 +22,7 @@ import csv
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -74,6 +74,7 @@ class CsvTable:
     cells : texts of each column, from the first row on
     units : units by column, as in its heading; empty for none
     lines : line of the file that each row is on, or its number
+    single : single numbers beside the columns, by name
     """
 
     where: str
@@ -81,6 +82,7 @@ class CsvTable:
     cells: Mapping[str, Sequence[str] | Array]
     units: Mapping[str, str]
     lines: Sequence[int]
+    single: Mapping[str, float] = field(default_factory=dict)
 
     def column(self, name: object) -> Sequence[str] | Array:
         """Cells of a column; `InputError` names the columns there are."""
@@ -252,7 +254,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
 
 def _of_vectors(path: Path, data: bytes, where: str, most: int) -> CsvTable | None:
     """The table in a file of arrays; None of others."""
-    columns = tables.vectors(path, data, where)
+    columns, single = tables.vectors(path, data, where)
     if not columns:
         return None
     rows = range(1, len(columns[0].values) + 1)
@@ -262,7 +264,7 @@ def _of_vectors(path: Path, data: bytes, where: str, most: int) -> CsvTable | No
     _check_names(names, where)
     cells = dict(zip(names, (c.values for c in columns), strict=True))
     units_of = dict(zip(names, map(_open, units), strict=True))
-    return CsvTable(where, ','.join(headings), cells, units_of, rows)
+    return CsvTable(where, ','.join(headings), cells, units_of, rows, single)
 
 
 def _check_names(names: Sequence[str], where: str) -> None:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 _LONG_WORD = re.compile(r'(\S{100})\S{300,}(\S{50})')
 
@@ -119,43 +117,6 @@ def other_word(word: str, words: Mapping[str, str]) -> str:
 
 def _bare(word: str) -> str:
     return re.sub(r'\W|_', '', word).lower()
-
-
-def check_options(
-    function: Callable[..., Any],
-    given: Iterable[str],
-    *others: Callable[..., Any] | str,
-    words: Mapping[str, str] = MappingProxyType({}),
-) -> None:
-    """Refuse keywords of a public function that nothing accepts.
-
-    Parameters
-    ----------
-    others : functions that they are handed on to, of which those with defaults count, and names
-    words : see `other_word`
-    """
-    known = [
-        p.name for p in _parameters(function) if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
-    ]
-    for other in others:
-        known += (
-            [other]
-            if isinstance(other, str)
-            else [p.name for p in _parameters(other) if p.default is not p.empty]
-        )
-    for name in given:
-        if name not in known:
-            hint = other_word(name, words) or nearest(name, known)
-            raise InputError(
-                f"{function.__name__} has no option '{name}'{hint}; it has "
-                f'{", ".join(dict.fromkeys(known))}'
-            )
-
-
-def _parameters(function: Callable[..., Any]) -> Collection[Any]:
-    import inspect  # noqa: PLC0415 - commands need it rarely
-
-    return inspect.signature(function).parameters.values()
 
 
 def check_known(name: str | None, known: Collection[str], wrong: str, those: str) -> None:

@@ -24,6 +24,11 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE}
 _LONGEST = 180  # bytes of a name's beginning, of 255 that file systems allow with all we add
 
 
+def path_of(given: str | os.PathLike[str]) -> Path:
+    """A path; ``~`` is the home folder, as in shells."""
+    return Path(os.path.expanduser(given))  # that of `Path` raises where there is no home
+
+
 @contextmanager
 def errors_as_sentences(path: Path | str) -> Iterator[None]:
     """Errors of the system while a file is written, as one sentence.

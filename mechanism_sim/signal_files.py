@@ -31,11 +31,13 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import CsvTable, assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, nearest_file, quoted
+from mechanism_sim.output import path_of
 from mechanism_sim.packages import needed
 from mechanism_sim.tables import ENDINGS
 from mechanism_sim.units import QuantityValue, parted, to_si
 
 _LARGER = 128  # as tables of scenes
+_SHOWN = 300  # characters in a sentence
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
 _JITTER = 1e-3
 """Share of the sampling interval by which evenly taken samples are off in a file."""
@@ -175,7 +177,7 @@ def read_signals(
     scaled : True if whole numbers of a WAV are refused without it
     rate : quantity with a unit of a table without times, as ``'12 kHz'``
     """
-    path = Path(path)
+    path = path_of(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f'{path} is no file of signals: expected {", ".join(READERS)}')
@@ -203,7 +205,7 @@ def is_signal_file(path: Path | str) -> bool:
 
 def refuse_signals(path: Path | str, kind: str) -> None:
     """Refuse a file of signals, or another table, where another `kind` is wanted."""
-    if is_signal_file(path) and Path(path).is_file():
+    if is_signal_file(path) and path_of(path).is_file():
         raise InputError(
             f"'{path}' is a file of signals, not a {kind}: 'mechanism-sim analyze' and "
             "'mechanism-sim plot' read it"
@@ -231,9 +233,11 @@ def _table(path: Path, rate: str = '') -> list[ChannelSamples]:
     exact = (c for c in named if c.lower() in _TIMES)
     time = next(exact, next((c for c in named if bare[c] in _TIMES), None))
     if time is None and not rate:
+        single = ', '.join(f'{name} = {x:g}' for name, x in table.single.items())[:_SHOWN]
         raise InputError(
             f"{table.where} has no column of time: name one 't [s]', or give --sample-rate, as "
             f"'12 kHz'; its first line is {quoted(table.heading)}"
+            f'{f", its single numbers are {single}" if single else ""}'
         )
     if time is None:
         t, digit = np.arange(len(table.lines)) / _of_rate(rate), 0.0

@@ -412,16 +412,16 @@ def as_text(path: Path, data: bytes, where: str) -> str | None:
     return text.getvalue()
 
 
-def vectors(path: Path, data: bytes, where: str) -> list[Column]:
+def vectors(path: Path, data: bytes, where: str) -> tuple[list[Column], dict[str, float]]:
     """Columns of a .mat, .npz or .parquet file, arrays of numbers or texts; none of others.
 
-    Of vectors of several lengths those that are as long as the longest.
+    Of vectors of several lengths those that are as long as the longest; and single numbers.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        return []
+        return [], {}
     found = _read(reader, path, data, where)
-    plain = [c for c in found if c.values.ndim == 1 and c.values.dtype.kind in 'biufUOM']
+    plain = [c for c in found if c.values.ndim == 1 and c.values.dtype.kind in 'biufUOMm']
     longest = max((len(c.values) for c in plain), default=0)
     others = {
         'vectors of other lengths': [c for c in plain if 1 < len(c.values) < longest],
@@ -434,12 +434,20 @@ def vectors(path: Path, data: bytes, where: str) -> list[Column]:
             print_notice(f'{where}: {what} are left out: {names}')
     if not longest:
         raise InputError(f'{where} has no vector of numbers')
-    return [c._replace(values=_cells(c.values)) for c in plain if len(c.values) == longest]
+    single = (c for c in found if c.values.size == 1 and c.values.dtype.kind in 'iuf')
+    columns = [
+        c._replace(values=_cells(c.values), unit='s' if c.values.dtype.kind == 'm' else c.unit)
+        for c in plain
+        if len(c.values) == longest
+    ]
+    return columns, {c.name: float(c.values.item()) for c in single}
 
 
 def _cells(values: NDArray[Any]) -> NDArray[Any] | list[str]:
     if values.dtype.kind in 'biuf':
         return values.astype(float)
+    if values.dtype.kind == 'm':  # durations
+        return np.asarray(values / np.timedelta64(1, 's'))
     if values.dtype.kind == 'M':
         values = values.astype('M8[us]')  # of finer ones Python has plain numbers
     return [str(_plain(x)) for x in values]

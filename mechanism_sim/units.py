@@ -12,6 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
+from datetime import timedelta
 from decimal import Decimal
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -151,8 +152,8 @@ _TRADE: tuple[tuple[re.Pattern[str], Any], ...] = (
     (re.compile(r'(?<![A-Za-z])([mkM]?N|kg)(mm|cm|m)(s?)(?![A-Za-z])'), r'\1 \2 \3'),  # Nm, Nms
     (re.compile(r'(?<![A-Za-z])(g)(mm|cm)(?![A-Za-z])'), r'\1 \2'),  # gmm, of unbalance
     (re.compile(r'(?<![A-Za-z])([mk]?N|m?Pa)(s)(?![A-Za-z])'), r'\1 \2'),  # Ns, Pas
-    (re.compile(r'(?<![A-Za-z])(?:r|U|rev)\s*/\s*min\s*(?:\^|\*\*)\s*2(?!\d)', re.I), 'rpm/min'),
-    (re.compile(r'(?<![A-Za-z])(?:RPM|(?:r|U|rev)\s*/\s*min)(?!\s*\*\*|[A-Za-z^])', re.I), 'rpm'),
+    (re.compile(r'(?<![A-Za-z])(?:t?r|U|rev)\s*/\s*min\s*(?:\^|\*\*)\s*2(?!\d)', re.I), 'rpm/min'),
+    (re.compile(r'(?<![a-z])(?:RPM|(?:t?r|U|rev)\s*/\s*min)(?!\s*\*\*|[a-z^])', re.I), 'rpm'),
     (re.compile(r'(?:deg|°)\s*(?:CA|KW)(?![A-Za-z])'), 'deg'),  # of the crank of an engine
     (re.compile(r'(?<![A-Za-z])lbm(?![A-Za-z])'), 'lb'),
     (re.compile(r'(?<![A-Za-z])kp(?![A-Za-z])'), 'kgf'),
@@ -207,13 +208,18 @@ def plain(value: Any) -> Any:
 
     All are known by what they can do, so that pint and pandas need not be there. As text
     quantities go the way of all others: frequencies are no rotations, decimal numbers stay exact.
+    Durations are such as well.
     """
     if type(value) in _PLAIN_TYPES:
         return value
     if hasattr(value, 'dimensionality') and hasattr(value, 'to_base_units'):
         return _with_unit(plain(value.magnitude), f'{value.units:~C}')
+    if isinstance(value, timedelta):  # one of pandas, too
+        return _with_unit(value.total_seconds(), 's')
     if hasattr(value, 'to_numpy'):
         value = value.to_numpy()
+    if (dtype := getattr(value, 'dtype', None)) is not None and dtype.kind == 'm':
+        return _with_unit((value / dtype.type(1, 's')).tolist(), 's')
     return value.tolist() if hasattr(value, 'tolist') else value
 
 
@@ -534,6 +540,8 @@ def argument(name: str, value: float | str | None, unit: str) -> float | None:
         return None
     try:
         number = to_si(value, unit)
+        if math.isnan(number):
+            raise ValueError('is not a number')
         return resolved(number) if unit == 'rad' else number
     except ValueError as error:
         raise InputError(f'{name} = {quoted(value)} {error}') from error

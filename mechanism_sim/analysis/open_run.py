@@ -27,9 +27,11 @@ from mechanism_sim.analysis.series import (
     parse,
     recorded,
 )
+from mechanism_sim.arguments import public
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.messages.units import units_of
+from mechanism_sim.output import path_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording.inventory import prefix_of, scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
@@ -51,17 +53,18 @@ class MessageRun:
 
     Attributes
     ----------
+    bag, namespace : the bag, and the namespace of topics without a leading slash
     series : recorded values of joint states by ``position.JOINT``, ``velocity.JOINT``,
         ``effort.JOINT``, if one topic has such; all other numbers are asked for by their paths
     """
 
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
-        self._bag, self.path, self._namespace = bag, bag.path, namespace
+        self.bag, self.path, self.namespace = bag, bag.path, namespace
         if namespace and not any(name.startswith(prefix_of(namespace)) for name in bag.topics):
             find_topics(bag, namespace)  # refuses it
 
     def __repr__(self) -> str:
-        held = [f'{t.count} of {t.name}' for t in self._bag.topics.values() if t.count]
+        held = [f'{t.count} of {t.name}' for t in self.bag.topics.values() if t.count]
         return f'<MessageRun of {self.path}: messages: {", ".join(held)}>'
 
     @cached_property
@@ -76,15 +79,15 @@ class MessageRun:
     @cached_property
     def _topic(self) -> str:
         """The topic of joint states, if there is just one."""
-        home = prefix_of(self._namespace) if self._namespace else ''
-        own = [t for t in self._bag.topics.values() if t.name.startswith(home)]
+        home = prefix_of(self.namespace) if self.namespace else ''
+        own = [t for t in self.bag.topics.values() if t.name.startswith(home)]
         states = [t.name for t in own if t.type == _STATES and t.count]
         return states[0] if len(states) == 1 else ''
 
     def listed(self) -> Iterator[Name]:
         """Names of all quantities; an array stands for all its items."""
         yield from (Name(name, x.unit) for name, x in self.series.items())
-        yield from _names_in(self._bag)
+        yield from _names_in(self.bag)
 
     def names(self) -> list[str]:
         """Names of all quantities."""
@@ -113,11 +116,11 @@ class MessageRun:
         self, given: str | Iterable[str | Sequence[str]], optional: bool = False
     ) -> list[Series]:
         """Recorded values of names, at the times of their messages, in one pass over the bag."""
-        names, home = [*flat(given)], self._namespace
-        paths = {name: path for name in names if (path := _path_in(self._bag, name, home))}
+        names, home = [*flat(given)], self.namespace
+        paths = {name: path for name in names if (path := _path_in(self.bag, name, home))}
         states = {name: self._path(name) for name in names if name not in paths}
         try:
-            read = recorded(self._bag, [*paths.values(), *states.values()], optional)
+            read = recorded(self.bag, [*paths.values(), *states.values()], optional)
         except MissingFieldError:
             for name in states.keys() - self.series.keys() - {*_KINDS}:
                 self._refuse(name)
@@ -144,9 +147,9 @@ class MessageRun:
 
     def _refuse(self, name: str) -> NoReturn:
         """Refuse a name that is none."""
-        refuse_empty(self._bag)
+        refuse_empty(self.bag)
         known = self.names()
-        foreign = scene_text(self._bag, self._namespace) is None
+        foreign = scene_text(self.bag, self.namespace) is None
         what = 'scene with a quantity' if foreign else 'message with a number'
         raise InputError(
             f"{self.path} has no {what} '{name}'{nearest(name, known)}; it has "
@@ -168,8 +171,9 @@ class MessageRun:
         return np.where(unknown, straight, smooth)
 
 
+@public
 def open_run(
-    source: Bag | Path | str | Piece | Cycle | Record, namespace: str | None = None
+    source: Bag | Path | str | Piece | Cycle | Record | MessageRun, namespace: str | None = None
 ) -> Record | MessageRun:
     """A run whose quantities can be asked for: ``open_run('run.mcap').columns(names, t)``.
 
@@ -184,7 +188,7 @@ def open_run(
     source : a bag, of other programs too, or its path; a solution, one of its pieces; a cycle
     namespace : namespace of the machine, if a bag holds several
     """
-    if isinstance(source, Record):
+    if isinstance(source, Record | MessageRun):
         return source
     if isinstance(source, Cycle):
         return Record(source.machine, source.solution, {})
@@ -209,14 +213,25 @@ def run_of_machine(source: Bag | Path | str | Piece | Cycle | Record, what: str)
     """A run whose machine is known, which `what` needs."""
     record = open_run(source)
     if not isinstance(record, Record):
-        raise InputError(f'{source}: {what} needs the machine, and this bag has none')
+        raise InputError(f'{record.path}: {what} needs the machine, and this bag has none')
     return record
+
+
+def check_run_of(machine: Machine, run: Piece) -> None:
+    """Refuse what is no run of a machine with these values."""
+    if not isinstance(run, Piece):
+        raise InputError(f'{quoted(run)} is not a run: expected a solution of {machine.name}')
+    if run.machine is not machine and run.machine.fingerprint != machine.fingerprint:
+        raise InputError(
+            f'the run is not one of {machine!r}, but of {run.machine!r} or of other values: give '
+            'the run without a scene'
+        )
 
 
 def is_run(source: object) -> bool:
     """True if it is a run, or the path of one, and not a scene, which is still to be run."""
     file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
-    return file or isinstance(source, Piece | Cycle | Bag | Record)
+    return file or isinstance(source, Piece | Cycle | Bag | Record | MessageRun)
 
 
 class Name(NamedTuple):
@@ -402,7 +417,7 @@ class AskedSignals:
     def __init__(
         self, path: Path | str, full_scale: str = '', scaled: bool = True, rate: str = ''
     ) -> None:
-        self.path, self.channels = Path(path), read_signals(path, full_scale, scaled, rate)
+        self.path, self.channels = path_of(path), read_signals(path, full_scale, scaled, rate)
 
     def series(
         self, names: Sequence[str], start: float | None = None, end: float | None = None

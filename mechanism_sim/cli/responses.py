@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mechanism_sim import output
 from mechanism_sim.cli.options import (
@@ -61,19 +61,16 @@ def _shared(sub: argparse.ArgumentParser, vary: str) -> None:
 
 def _bifurcation(options: argparse.Namespace) -> int:
     from mechanism_sim import tables  # noqa: PLC0415
-    from mechanism_sim.ranges import named_ranges  # noqa: PLC0415
     from mechanism_sim.report import bifurcation as report  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.studies.basins import basins  # noqa: PLC0415
     from mechanism_sim.studies.bifurcation import bifurcation  # noqa: PLC0415
     from mechanism_sim.studies.continuation import branches  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import read_counted  # noqa: PLC0415
 
-    given = named_ranges('--vary', options.vary or [''], 'drive.speed=100 rpm:600 rpm:51', True)
-    if len(given) > 2:
+    vary = read_counted('--vary', options.vary or [''])
+    if len(vary) > 2:
         raise InputError('--vary: give one key, or two different ones; sweep takes more')
-    vary: dict[str, tuple[Any, Any, int]] = {
-        path: (one.values[0], one.values[1], one.number) for path, one in given.items()
-    }
     two = len(vary) == 2
     if options.command == 'basins' and not two:
         raise InputError('basins: --vary: give two keys; bifurcation takes one')

@@ -187,7 +187,7 @@ def _find(options: argparse.Namespace) -> int:
     """Search for a value of a key, a speed of lift-off, a periodic response, or teeth."""
     if options.path is not None:
         others = ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE, *_TEETH, 'teeth']
-        others.remove('output')
+        others = [x for x in others if x not in ('output', 'tables-from')]
         refuse_options(options, others, 'does not apply to --path')
         return _path(options)
     if options.teeth is not None:
@@ -254,6 +254,7 @@ def _path(options: argparse.Namespace) -> int:
     from mechanism_sim.output import write_text  # noqa: PLC0415
     from mechanism_sim.report import found  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.scene.table_keys import allowed_file  # noqa: PLC0415
     from mechanism_sim.studies.four_bars import find_four_bars  # noqa: PLC0415
     from mechanism_sim.terminal import print_notice  # noqa: PLC0415
 
@@ -263,6 +264,8 @@ def _path(options: argparse.Namespace) -> int:
     if any(others):
         raise InputError('--output: find --path writes a scene, NAME.yaml')
     least = quantity('--transmission', options.transmission, 'rad')[0]
+    if scene:  # which measures the distance from the file
+        allowed_file('--path', Path.cwd(), options.path)
     designs = find_four_bars(options.path, least)
     if scene:
         assumed = designs[0].ASSUMED
@@ -338,8 +341,10 @@ def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report.sweep import SweepCharts  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.studies.sweep import run_plan  # noqa: PLC0415
-    from mechanism_sim.tables import default_ending  # noqa: PLC0415
+    from mechanism_sim.tables import check_file, default_ending  # noqa: PLC0415
 
+    if options.output:  # the plan of many runs takes its time
+        check_file('-o', options.output)
     with progress.busy('checking', options.json) as say:
         plan = read_plan(options.file, options.measures, say)
     if options.first_order:
@@ -383,7 +388,7 @@ def _first_order(options: argparse.Namespace, plan: SweepPlan) -> int:
     others = 'plot', 'over', 'effects', 'bags', 'windows', 'restart', 'pareto'
     refuse_options(options, others, 'does not apply to --first-order')
     report.check_charts(plan, options.plots, None, '--plots')
-    table = tables.check_file('--output', options.output) if options.output else None
+    table = Path(options.output) if options.output else None
     count = 1 + 2 * len(plan.factors) + 2 * len(plan.measures)
     workers = read_workers(options)
     with progress.count('sweep', count, quiet=options.json) as show, workers:

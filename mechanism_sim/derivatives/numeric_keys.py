@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.arguments import listed
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError, nearest
-from mechanism_sim.keys.names import listed
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.build import build
@@ -91,7 +91,7 @@ class NumericKey:
 def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKey]:
     """The numbers of a scene by their paths; InputError for a path without a number."""
     found = []
-    for path in dict.fromkeys(listed(paths)):
+    for path in dict.fromkeys(listed(paths, 'derivatives')):
         value, unit = _value_of(machine.scene, path)
         given = value is not None
         if not given:

@@ -10,6 +10,7 @@ from typing import Any
 
 from mechanism_sim import output, strict_json
 from mechanism_sim.errors import InputError
+from mechanism_sim.output import path_of
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 
 
@@ -82,13 +83,13 @@ class Snapshot:
             data[key] = [float(x).hex() for x in data[key]]
         data['touches'] = [[float(x).hex() for x in touch] for touch in self.touches]
         data['checksum'] = _checksum(data)
-        output.write_text(path, strict_json.dumps(data, indent=1))
+        output.write_text(path_of(path), strict_json.dumps(data, indent=1))
 
     @classmethod
     def load(cls, path: str | Path) -> Snapshot:
         """Read what `save` has written."""
         try:
-            data = strict_json.loads(Path(path).read_text(encoding='utf-8'))
+            data = strict_json.loads(path_of(path).read_text(encoding='utf-8'))
             if data.pop('checksum') != _checksum(data):
                 raise ValueError('it was damaged or changed after it was written')
             for key in _TIMES:

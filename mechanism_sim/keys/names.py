@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -28,11 +28,6 @@ def scene_errors(name: str) -> Iterator[None]:
         raise
     except InputError as error:
         raise SceneError(f'{name}: {error}') from error
-
-
-def listed(names: str | Iterable[Any] | None) -> list[Any]:
-    """Names or other texts in a list; a single one as it is."""
-    return [names] if isinstance(names, str) else [] if names is None else [*names]
 
 
 def check_link_name(link: str) -> None:

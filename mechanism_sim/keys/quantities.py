@@ -25,6 +25,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.units import EXAMPLES, QuantityValue, plain, resolved, to_si, to_si_of
 
 
@@ -207,6 +208,12 @@ class Part(BaseModel):
     def keys_for(cls, data: Any) -> list[str]:
         """The keys allowed beside those of `data`: those of its kind, if there are several."""
         return [field.alias or name for name, field in cls.model_fields.items()]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise InputError(
+            f'{type(self).__name__}: {name} cannot be set, for parts of a scene stay as they are: '
+            'make another one, or load the scene with an override'
+        )
 
     def as_kind(self, kind: type[Kind]) -> Kind:
         """A copy as a part of a single kind, from a class that extends all kinds.

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
 
-from mechanism_sim.analysis.open_run import is_run
+from mechanism_sim.analysis.open_run import check_run_of, is_run
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arguments import public
 from mechanism_sim.errors import InputError
-from mechanism_sim.keys.names import listed
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.families import Member, family_page
@@ -21,7 +21,7 @@ from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Source, load_scene
-from mechanism_sim.units import argument
+from mechanism_sim.units import argument, plain
 
 
 class Player:
@@ -47,6 +47,7 @@ class Player:
         )
 
 
+@public
 def play(
     scene: Source | Piece | Cycle | Bag,
     run: Piece | None = None,
@@ -74,20 +75,23 @@ def play(
     if run is None:
         record = record_of(scene, None, None, None if is_run(scene) else end)
     else:
-        record = Record(load_scene(scene), run, {})  # type: ignore[arg-type]
+        machine = load_scene(scene)  # type: ignore[arg-type]
+        check_run_of(machine, run)
+        record = Record(machine, run, {})
     first = record.start if start is None else start
     record = record.between(first, record.end if end is None else end)
     parts = sections(record) if charts else ()
     return Player(report.page(recorded(record), parts), height, record.machine.scene.title)
 
 
+@public
 def explore(
     scene: Source,
     path: str,
-    values: Sequence[float | str],
+    values: Iterable[float | str],
     quantity: str,
     *,
-    overrides: Mapping[str, Any] | None = None,
+    overrides: Mapping[str, Any] | str | Iterable[str] = (),
     revolutions: float | None = None,
     duration: float | str | None = None,
     height: int = 780,
@@ -111,11 +115,12 @@ def explore(
     revolutions, duration : length of each run; the scene's own if neither is given
     height : height of the frame [pixels]
     """
-    if not len(values):
+    several = [values] if isinstance(values, str) else plain(values)
+    if not isinstance(several, Iterable) or not (several := [*several]):
         raise InputError(f'explore: {path}: no values are given')
-    members = []
-    for value in listed(values):
-        machine = load_scene(scene, {**(overrides or {}), path: value})
+    scene, members = load_scene(scene, overrides), []
+    for value in several:
+        machine = load_scene(scene, {path: value})
         solution = simulate(machine, revolutions=revolutions, duration=duration)
         members.append(Member(str(value), Record(machine, solution, {})))
     label = path.replace('_', ' ').replace('.', ' ')

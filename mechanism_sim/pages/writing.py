@@ -10,6 +10,7 @@ from mechanism_sim import output
 from mechanism_sim.analysis import comparison
 from mechanism_sim.analysis.open_run import is_run, run_of_machine
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arguments import listed, public
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages import report as pages
 from mechanism_sim.pages.charts import sections
@@ -27,6 +28,7 @@ from mechanism_sim.scene import Source, load_scene, span
 from mechanism_sim.units import argument
 
 
+@public
 def report(
     source: Source | Piece | Cycle | Bag,
     file: str | Path | None = None,
@@ -55,8 +57,11 @@ def report(
     skip : full turns of the drive that are left out at the beginning, instead
     revolutions, duration : length; without either all of a run, or that of the scene
     """
+    measures = listed(measures, 'measures')
     if other is not None and measures:
         raise InputError('measures apply to a single run: leave them out of a comparison')
+    if skip < 0:
+        raise InputError(f'report: skip = {skip} must be at least 0')
     beside = [] if other is None else [*other] if isinstance(other, list | tuple) else [other]
     length = argument('start', start, 's'), revolutions, duration
     sources = [source, *beside]

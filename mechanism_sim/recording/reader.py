@@ -20,6 +20,7 @@ from zstandard import ZstdDecompressor, ZstdError
 from mechanism_sim import documents
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
+from mechanism_sim.output import path_of
 from mechanism_sim.packages import reason
 from mechanism_sim.recording import protobuf
 from mechanism_sim.recording.rosbag2 import Qos
@@ -229,7 +230,7 @@ def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) 
         InputError: No such file, not a bag, or its index is damaged.
 
     """
-    path = Path(path)
+    path = path_of(path)
     found = parts(path)
     return Bag(found[0].path if len(found) == 1 and not found[0].holder else path, found, progress)
 

@@ -20,6 +20,7 @@ from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece, part_of
+from mechanism_sim.units import argument
 
 _MOST = 100  # lines that axes and legend have room for
 
@@ -39,8 +40,8 @@ def plot(
     run: Piece | Cycle,
     *names: str | Sequence[str],
     against: str = '',
-    start: float | None = None,
-    end: float | None = None,
+    start: float | str | None = None,
+    end: float | str | None = None,
 ) -> Picture:
     """Plot quantities of a run by their names.
 
@@ -72,13 +73,14 @@ def plot_recorded(
     asked: Asked | AskedSignals,
     *names: str | Sequence[str],
     against: str = 'time',
-    start: float | None = None,
-    end: float | None = None,
+    start: float | str | None = None,
+    end: float | str | None = None,
 ) -> Picture:
     """Plot numbers of a bag of another program or of a file of signals, as `plot`."""
     run = asked if isinstance(asked, AskedSignals) else asked.messages
     assert run is not None  # noqa: S101 - of other bags there is a run
-    series = asked.series([*flat(names)] or run.usual, start, end)
+    part = argument('start', start, 's'), argument('end', end, 's')
+    series = asked.series([*flat(names)] or run.usual, *part)
     given = None if against == 'time' else asked.recorded(against)
     return draw(
         chart(series, run.path.name, against_recorded(given, series) if given else OVER_TIME)

@@ -10,7 +10,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle as endless
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.patches import Circle, ConnectionPatch, FancyBboxPatch, Rectangle
@@ -63,7 +63,7 @@ class FilmParts(NamedTuple):
     lens: str | None = ''
     forces: bool = False
     paths: str | Sequence[str] = ()
-    labels: str = 'none'
+    labels: Literal['all', 'links', 'none'] = 'none'
 
 
 class Screen:

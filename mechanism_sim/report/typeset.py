@@ -15,6 +15,7 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from sympy.printing.str import StrPrinter
 
 from mechanism_sim import output
+from mechanism_sim.arguments import public
 from mechanism_sim.report.derivation import Equation, MachineEquations, derive
 from mechanism_sim.report.symbols import Expression, Symbol
 from mechanism_sim.scene import Source, load_scene
@@ -264,6 +265,7 @@ def _escaped(text: str) -> str:
     )
 
 
+@public
 def equations(scene: Source, rates: bool = False) -> Typesetter:
     """The equations of a machine, from what is compiled, as `check --equations` has them.
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
-from mechanism_sim.keys.names import listed
 from mechanism_sim.results.quantities.contacts import (
     of_contacts,
     of_force_elements,
@@ -29,6 +28,7 @@ from mechanism_sim.results.quantity import Quantity, Shown, View, evaluated
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.remarks import no_forces
 from mechanism_sim.tables import Table
+from mechanism_sim.units import plain
 
 SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
     of_coordinates, of_states, of_elastic_links, of_tilting_joints, of_contacts, of_joints,
@@ -43,13 +43,13 @@ TIME = Quantity('t', 's', 'time', '', lambda view: view.t, counted=True)
 
 def flat(names: str | Iterable[str | Sequence[str]]) -> Iterator[str]:
     """Names that are given one by one or in lists."""
-    for name in listed(names):
-        if isinstance(name, str):
-            yield name
-        elif isinstance(name, list | tuple):
+    if isinstance(names, str):
+        yield names
+    elif isinstance(several := plain(names), Iterable) and not isinstance(several, bytes):
+        for name in several:
             yield from flat(name)
-        else:
-            raise InputError(f'expected the name of a quantity, got {quoted(name)}')
+    else:
+        raise InputError(f'expected the name of a quantity, got {quoted(names)}')
 
 
 class Catalogue(Mapping[str, Quantity]):

@@ -16,12 +16,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from mechanism_sim.arguments import listed, public
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine import plotting
 from mechanism_sim.engine.peak_shapes import PeakShape, peak_shape
 from mechanism_sim.engine.physics import each_instant
 from mechanism_sim.errors import InputError
-from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.planar.points import LinkPoint
@@ -150,7 +150,7 @@ class Cycle(plotting.Rich):
         ----------
         names : quantities of the machine; by default those of its table
         """
-        names = self.names if names is None else listed(names)
+        names = self.names if names is None else listed(names, 'names')
         if self.static and (of_motion := [name for name in names if name in _OF_MOTION]):
             raise InputError(
                 f"{self.machine.name}: '{of_motion[0]}' is a quantity of the motion, which "
@@ -341,6 +341,7 @@ class Cycle(plotting.Rich):
         return float(end - begin) / self.duration
 
 
+@public
 def cycle(
     scene: Source,
     samples: int = 360,
@@ -428,11 +429,14 @@ def cycle_window(
 def measures_of(
     found: Cycle,
     measures: dict[str, str] | Sequence[str] | Sequence[Measure],
+    since: float = -math.inf,
+    until: float = math.inf,
     silent: bool = False,
 ) -> list[Measured]:
     """Measures of a cycle, without the run before it; see `Measurement.found`."""
     begin, end = float(found.t[0]), float(found.t[-1])
-    taken = Measurement(found.machine, measures, begin, end, static=found.static, begin=begin)
+    window = max(since, begin), min(until, end)
+    taken = Measurement(found.machine, measures, *window, static=found.static, begin=begin)
     taken.add(found.solution)
     return taken.found(silent)
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.numerics import expressions
 from mechanism_sim.numerics.expressions import ExpressionNode
 from mechanism_sim.results.path_distance import TargetPath, names_of, read_path
+from mechanism_sim.scene.table_keys import allowed_file
 from mechanism_sim.units import to_si
 
 EXTREMES = 'highest', 'lowest', 'largest', 'range'
@@ -209,7 +211,7 @@ def _figure(node: ExpressionNode, text: str) -> Figure:
             )
     names = tuple(argument.names)
     if function in _DISTANCES:
-        path = read_path(node.args[1].text)
+        path = read_path(allowed_file('distance', Path.cwd(), node.args[1].text), 'distance')
         names = names_of(argument.text, path)
         argument = replace(argument, kind='name', args=(), name=names[0])
     since, until = (_bound(given.get(key), text) for key in ('from', 'to'))

@@ -10,20 +10,20 @@ much.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arguments import listed
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impacts
-from mechanism_sim.errors import InputError, check_known, nearest, quoted
-from mechanism_sim.keys.names import listed
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.results.catalogue import catalogue
@@ -36,19 +36,16 @@ from mechanism_sim.results.measure_text import (
     as_row,
     read_all,
 )
-from mechanism_sim.results.run import IMPACT_UNITS, Piece, Solution, is_loss
+from mechanism_sim.results.run import IMPACT_UNITS, Piece, is_loss
 from mechanism_sim.results.turns import DriveTurns
-from mechanism_sim.scene import Machine, Source, load_scene
+from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.indicators import Moments
-from mechanism_sim.units import argument, product
+from mechanism_sim.units import product
 
 OVERLOADS = 'overloads'
 """Suffix of a sensor's name: 1 for a sample clipped at the full scale, else 0."""
 _OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
-
-
-Texts: TypeAlias = str | Sequence[str] | Mapping[str, str]
 
 
 class Measured(NamedTuple):
@@ -94,12 +91,12 @@ class Measurement:
         static: bool = False,
         begin: float = -math.inf,
     ) -> None:
-        given = measures if isinstance(measures, dict) else listed(measures)
-        self.measures: list[Measure] = (
-            given
-            if isinstance(given, list) and all(isinstance(m, Measure) for m in given)
-            else read_all(given, where)
-        )
+        if isinstance(measures, list | tuple) and all(isinstance(m, Measure) for m in measures):
+            self.measures: list[Measure] = [*measures]
+        else:
+            given: Any = measures
+            given = given if isinstance(given, dict) else listed(given, where)
+            self.measures = read_all(given, where)
         self._machine = machine
         figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
         over_time = [f for f in figures if not f.of_events]
@@ -227,62 +224,6 @@ def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
             replace(f, since=Bound(float(skip), True), per_revolution=True) for f in m.figures
         )
         found.append(replace(m, figures=figures))
-    return found
-
-
-def measure(
-    scene: Source | Piece,
-    pieces: Iterable[Piece] | Piece | Texts = (),
-    *texts: Texts,
-    since: float | str = 0.0,
-    until: float | str = math.inf,
-) -> list[Measured]:
-    """Measures of a run of a machine.
-
-    >>> import mechanism_sim as ms
-    >>> run = ms.simulate('slider_crank', revolutions=1)
-    >>> (found,) = ms.measure(run, 'range(position.piston)')
-    >>> round(found.value, 9), found.unit
-    (0.1, 'm')
-
-    Parameters
-    ----------
-    scene : a run, such as a solution, followed by the texts; or any argument of `load_scene`
-    pieces : `Solution` or `stream` of the scene
-    texts : the measures, one by one or as lists, or as a dictionary by name; those of the scene
-        without any
-    since, until : the window [s] of figures that name none
-    """
-    own: Any = getattr(scene, 'piece', scene)  # of a recorded run
-    if isinstance(own, Piece):
-        first: Any = () if isinstance(pieces, tuple) and not pieces else (pieces,)
-        return measure(own.machine, own, *first, *texts, since=since, until=until)
-    asked = _flat(texts)
-    machine = load_scene(own)
-    window = argument('since', since, 's'), argument('until', until, 's')
-    taken = Measurement(machine, asked if texts else dict(machine.scene.measures), *window)
-    for piece in [pieces] if isinstance(pieces, Piece | str) else pieces:
-        if not isinstance(piece, Piece):
-            raise InputError(f'measure: {quoted(piece)} is of a run: give a solution before it')
-        taken.add(piece)
-    found, known = taken.found(), pieces.derivatives if isinstance(pieces, Solution) else {}
-    each = dict.fromkeys(m.text for m in found)  # measures of two names may be one text
-    slopes = {p: d.measures(*each, window=window) for p, d in known.items() if each}
-    return [
-        m._replace(derivatives={p: values[m.text] for p, values in slopes.items()}) for m in found
-    ]
-
-
-def _flat(given: Sequence[Texts]) -> dict[str, str] | list[str]:
-    """Texts of measures that are given one by one, in lists, or by name."""
-    if len(given) == 1 and isinstance(given[0], Mapping):
-        return dict(given[0])
-    found: list[str] = []
-    for part in given:
-        texts: Sequence[Any] = part if isinstance(part, list | tuple) else [part]
-        if wrong := [x for x in texts if not isinstance(x, str)]:
-            raise InputError(f'measure: {quoted(wrong[0])} is no text of a measure')
-        found += texts
     return found
 
 

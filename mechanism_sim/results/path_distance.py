@@ -22,7 +22,6 @@ from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.results.quantities.motion import RATES
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.table_keys import allowed_file
 from mechanism_sim.units import read_common
 
 _LOOKS = np.linspace(0.0, 1.0, 9)
@@ -59,9 +58,9 @@ class TargetPath(NamedTuple):
     at: tuple[float, ...]
 
 
-def read_path(name: str, where: str = 'distance') -> TargetPath:
-    """Points of a file below the current folder, or one that is allowed."""
-    table = read_csv(allowed_file(where, Path.cwd(), name), where)
+def read_path(file: Path, where: str) -> TargetPath:
+    """Points of a file."""
+    table = read_csv(file, where)
     timed = [c for c in table.cells if c in _TIMED][:1]
     others = [c for c in table.cells if c not in _TIMED]
     columns = ['x', 'y'] if 'x' in others or len(others) > 1 else others

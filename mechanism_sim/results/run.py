@@ -85,7 +85,7 @@ def signal_table(t: Array, sensor: str, samples: Array, unit: str) -> Table:
     return Table({'t': t, name: samples}, {'t': 's', name: unit})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Piece(Rich):
     """A part of a run.
 
@@ -273,7 +273,7 @@ class Piece(Rich):
         return plotting.plot(self, *names, **how)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution(Piece):
     """A finished run, kept whole.
 
@@ -357,7 +357,7 @@ class Runner:
         together: int = 0,
     ) -> None:
         self.machine = machine
-        self.engine = engine or (machine.resume(resume) if resume else machine.start())
+        self.engine = engine or (machine.start() if resume is None else machine.resume(resume))
         self.audit = Audit(machine.physics)
         self.known, self.more = self.engine.time, True
         self._audited, self._together = audited, together
@@ -516,9 +516,10 @@ def prepare(machine: Machine) -> None:
 
 
 def part_of(
-    first: float, last: float, start: float | None, end: float | None
+    first: float, last: float, start: float | str | None, end: float | str | None
 ) -> tuple[float, float]:
     """Start and end [s] of a part of a run from `first` to `last`; those where they are None."""
+    start, end = argument('start', start, 's'), argument('end', end, 's')
     begin, finish = (first if start is None else start), (last if end is None else end)
     slack = 1e-9 * max(1.0, last)
     if not first - slack <= begin < finish <= last + slack:

@@ -12,12 +12,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Self
 
+from mechanism_sim.arguments import listed, public
 from mechanism_sim.engine import plotting
 from mechanism_sim.engine.audit import Energy
 from mechanism_sim.engine.events import StopReason
 from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.engine.totals import Totals
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError, RunError, quoted
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.results.derivatives import AskedDerivatives
@@ -165,6 +166,7 @@ class Stream(Runner):
         return self._snapshot or self.machine.snapshot(self.engine)
 
 
+@public
 def stream(
     scene: Source,
     revolutions: float | None = None,
@@ -187,9 +189,13 @@ def stream(
     end = span(machine, revolutions, duration)
     validate_turning(machine, end)
     progress = progress or plotting.progress(f'simulate {machine.name}', end)
+    observers = [*observers] if isinstance(observers, Iterable) else [observers]
+    if wrong := [x for x in observers if not callable(x)]:
+        raise InputError(f'observers: {quoted(wrong[0])} is not a function')
     return Stream(machine, end, progress, resume, observers)
 
 
+@public
 def simulate(
     scene: Source,
     revolutions: float | None = None,
@@ -226,7 +232,8 @@ def simulate(
     """
     scene = load_scene(scene)
     end = span(scene, revolutions, duration)
-    asked = AskedDerivatives(scene, derivatives, end, resume) if derivatives else None
+    paths = listed(derivatives, 'derivatives')
+    asked = AskedDerivatives(scene, paths, end, resume) if paths else None
     run = stream(scene, None, end, progress, resume)
     solution = whole(run, run)
     return replace(solution, derivatives=asked.along(solution)) if asked else solution

@@ -17,6 +17,7 @@ from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, nearest_file, quoted
 from mechanism_sim.keys.quantities import Part
+from mechanism_sim.output import path_of
 from mechanism_sim.scene.facts import COMPONENTS
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
 from mechanism_sim.scene.problems import sentence
@@ -99,7 +100,7 @@ def find_scene(name: str) -> Path:
 
 def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     """The file of a scene, or of another `kind`: a path, or the name of one in `folder`."""
-    path = Path(name)
+    path = path_of(name)
     if path.suffix == '.mcap':
         raise InputError(
             f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' shows its contents"
@@ -208,6 +209,8 @@ def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
 
 def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]]:
     if isinstance(overrides, Mapping):
+        if wrong := [key for key in overrides if not isinstance(key, str)]:
+            raise InputError(f"overrides: {quoted(wrong[0])} is no path, as 'drive.speed' is one")
         return [(key, _plain(value)) for key, value in overrides.items()]
     pairs = []
     for text in overrides:

@@ -9,9 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from mechanism_sim.arguments import listed, public
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.keys.names import SceneError, listed
+from mechanism_sim.keys.names import SceneError
 from mechanism_sim.linkages.drive_range import placed_at
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.drives import drive_key, drive_of
@@ -35,6 +36,7 @@ _BESIDE = 1e-12  # of the way: so near to a limit, links stand where they do at 
 _MOMENT = 1e-6  # [s] of which no more than the start is looked at
 
 
+@public
 def load_scene(
     source: Source, overrides: Mapping[str, Any] | str | Iterable[str] = (), name: str = 'scene'
 ) -> Machine:
@@ -58,11 +60,11 @@ def load_scene(
     overrides : values by dotted path, such as ``{'drive.speed': '300 rpm'}``
     name : name of a machine whose source has none
     """
+    overrides = overrides if isinstance(overrides, Mapping) else listed(overrides, 'overrides')
     if isinstance(source, Machine):
         if not overrides:
             return source
         source, name = source.scene, source.name
-    overrides = overrides if isinstance(overrides, Mapping) else listed(overrides)
     given = content_of(source, name, overrides)
     content = overridden(given.file, given.data, overrides, given.folder)
     questions = (*length_questions(content), *angle_questions(content))

@@ -29,7 +29,7 @@ from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.physics import DynamicPhysics, Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot, State
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.joints.contact_keys import ClearanceSpec, in_plane
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
@@ -80,7 +80,7 @@ class Machine(Rich):
     """
 
     name: str
-    scene: Scene
+    scene: Scene = field(hash=False)  # its dictionaries have none
     questions: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
@@ -238,6 +238,10 @@ class Machine(Rich):
 
     def resume(self, snapshot: Snapshot) -> Run:
         """A bit-identical continuation of another run of this machine."""
+        if not isinstance(snapshot, Snapshot):
+            raise InputError(
+                f'resume = {quoted(snapshot)} is not a snapshot, as .snapshot of a solution is'
+            )
         if snapshot.machine != self.fingerprint:
             raise InputError(
                 f'the snapshot is of a machine other than {self.name}: give the same scene with '

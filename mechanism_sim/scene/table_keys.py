@@ -18,6 +18,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import FROM_FILE, Part, UnitValue, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
 from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.output import path_of
 from mechanism_sim.scene.drawn_edges import drawn_edges
 from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.units import QuantityValue, counted, to_si_of, to_si_text
@@ -117,6 +118,11 @@ def with_files(
         # a table may have any name
         if key.endswith('.points') and key != '.tables.points' and content.keys() <= {*_OF_FILES}:
             raise InputError(f"{where}: 'file' stands in place of 'points', not in it")
+        if (last := key.rpartition('.')[2]) in _FORCES:
+            raise InputError(
+                f"{where}: a {last} has no points: enter the file in 'tables', as {{NAME: {{file: "
+                f'{name}}}}}, and write the formula NAME(t)'
+            )
         made = 'edges' if name.lower().endswith('.dxf') else 'points'
         if f'{key}.file'[1:] in replaced:
             return {k: x for k, x in content.items() if k != 'file'}
@@ -125,7 +131,9 @@ def with_files(
         if made in content and not instead:
             raise InputError(f"{where}: 'file: {name}' and '{made}' exclude each other: keep one")
         rest = {k: x for k, x in content.items() if k not in (*_OF_FILES, made)}
-        path, units = allowed_file(where, folder, name), content.get('units')
+        # what an override names is where it is given, too
+        more = [Path.cwd()] if instead else []
+        path, units = allowed_file(where, folder, name, more), content.get('units')
         if made == 'edges':
             return rest | {made: drawn_edges(path, where, content.get('layer'), units)}
         return rest | {made: _points_of(path, where, content, _wanted(key))}
@@ -135,6 +143,7 @@ def with_files(
 
 
 _OF_FILES = *FROM_FILE, 'layer'
+_FORCES = 'torque', 'force', 'effort'  # keys of drives and loads, which are formulas
 _KEYS = {
     *_OF_FILES,
     'degree',
@@ -174,6 +183,11 @@ def _points_of(
     """The points in two columns of a file, as text with units."""
     table, units = read_csv(path, where), keys.get('units')
     chosen = columns if (columns := keys.get('columns')) is not None else list(table.cells)[:2]
+    if len(table.cells) < 2:
+        raise InputError(
+            f'{table.where} has one column, {", ".join(table.cells)}, where columns must be a '
+            'list of two names'
+        )
     for key, given in (('columns', chosen), ('units', units or ['', ''])):
         if not isinstance(given, list) or [isinstance(x, str) for x in given] != [True, True]:
             raise InputError(f'{table.where}: {key} must be a list of two names')
@@ -238,15 +252,15 @@ def _alike(said: str, asked: str) -> bool:
         return True
 
 
-def allowed_file(where: str, folder: Path, name: str) -> Path:
-    """Resolved path of a file in the folder of the scene, or in an allowed one.
+def allowed_file(where: str, folder: Path, name: str, more: Sequence[Path] = ()) -> Path:
+    """Resolved path of a file in the folder of the scene, in one of more, or in an allowed one.
 
     They are searched in this order; a file below none of them is refused.
     """
     others = [x for x in os.environ.get(TABLE_FOLDERS, '').split(os.pathsep) if x]
     try:
-        folders = [folder.resolve(), *(Path(x).resolve() for x in others)]
-        places = [(x / name).resolve() for x in folders]
+        folders = [x.resolve() for x in (folder, *more, *map(path_of, others))]
+        places = [(x / path_of(name)).resolve() for x in folders]
     except RuntimeError as error:  # of pathlib, for links in a circle
         raise InputError(f"{where}: '{name}' cannot be read: its links form a circle") from error
     allowed = [x for x in places if any(x.is_relative_to(above) for above in folders)]
@@ -260,6 +274,6 @@ def allowed_file(where: str, folder: Path, name: str) -> Path:
         looked = "' nor in '".join(dict.fromkeys(map(str, folders)))
         raise InputError(
             f"{where}: '{name}' cannot be read: there is none in '{looked}'; put it there, or say "
-            'in which folder it is by --tables-from DIR'
+            f'in which folder it is by --tables-from DIR or {TABLE_FOLDERS}'
         )
     return found

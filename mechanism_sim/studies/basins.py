@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mechanism_sim.errors import InputError, check_options
+from mechanism_sim.arguments import check_options, public
+from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.bifurcation import (
@@ -20,8 +21,8 @@ from mechanism_sim.studies.bifurcation import (
     section,
     varied,
 )
-from mechanism_sim.studies.parameters import Parameter
-from mechanism_sim.studies.runs import OF_WORKERS, Call, Show, Workers
+from mechanism_sim.studies.parameters import Parameter, Vary, read_counted
+from mechanism_sim.studies.runs import Call, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
 
@@ -74,12 +75,13 @@ class Basins:
         return Table.of(self.columns())
 
 
+@public
 def basins(
     scene: Source,
-    vary: Mapping[str, tuple[Any, Any, int]],
+    vary: Vary,
     *,
     at_impacts: str | None = None,
-    workers: Workers | None = None,
+    workers: int | Workers | None = 1,
     show: Show | None = None,
     **when: int,
 ) -> Basins:
@@ -97,14 +99,16 @@ def basins(
 
     Parameters
     ----------
-    vary : lowest and highest value, and their number, by dotted path; two of them
+    vary : lowest and highest value, and their number, by dotted path, also as text
+        ``'40 mm:60 mm:21'``; or texts ``PATH=LOW:HIGH:NUMBER``; two of them
     at_impacts, when : section, as for `bifurcation`
     """
-    check_options(basins, when, *TURNS, words=OF_WORKERS)
+    when = check_options(basins, when, TURNS)
     machine = load_scene(scene)
-    if len(vary) != 2:
-        raise InputError(f'basins: two keys are varied, not {len(vary)}')
-    (a, along_a, written_a), (b, along_b, written_b) = varied(machine, vary)
+    ranges = read_counted('vary', vary)
+    if len(ranges) != 2:
+        raise InputError(f'basins: two keys are varied, not {len(ranges)}')
+    (a, along_a, written_a), (b, along_b, written_b) = varied(machine, ranges)
     plan, _, _ = section(machine, (), at_impacts, when)
     content = machine.scene.to_document()
     places = [[{a.path: x, b.path: y} for y in along_b] for x in along_a]
@@ -113,9 +117,9 @@ def basins(
         Call(repr(x), follow, (machine.name, content, row, b.path, plan, START))
         for x, row in zip(along_a, places, strict=True)
     ]
-    with workers or Workers(1) as makers:
+    with Workers.of(workers) as makers:
         rows = makers.do_all(tasks, show)
-    alike = all(path.startswith('initial.') for path in vary)
+    alike = all(path.startswith('initial.') for path in ranges)
     cells = [
         (x, y, read_response(each, len(plan.of)))
         for x, row in zip(along_a, rows, strict=True)

@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mechanism_sim.arguments import check_options, listed, public
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
-from mechanism_sim.errors import InputError, RunError, check_known, check_options
-from mechanism_sim.keys.names import listed
+from mechanism_sim.errors import InputError, RunError, check_known
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.ranges import check_counts
@@ -29,9 +29,9 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.studies.parameters import Parameter, parameters
+from mechanism_sim.studies.parameters import Parameter, Vary, parameters, read_counted
 from mechanism_sim.studies.periodic import CLOCK, without_turns
-from mechanism_sim.studies.runs import OF_WORKERS, Call, Row, Show, Workers
+from mechanism_sim.studies.runs import Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
 
@@ -101,7 +101,7 @@ class SectionPlan:
     longest: int = 16
 
 
-TURNS = 'transient', 'keep', 'longest'
+TURNS = dict.fromkeys(('transient', 'keep', 'longest'), 'int')
 """Numbers of turns of a `SectionPlan`."""
 
 
@@ -182,14 +182,15 @@ class Bifurcation:
         ]
 
 
+@public
 def bifurcation(
     scene: Source,
-    vary: Mapping[str, tuple[Any, Any, int]],
+    vary: Vary,
     of: str | Sequence[str] = (),
     *,
     at_impacts: str | None = None,
     starts: bool = False,
-    workers: Workers | None = None,
+    workers: int | Workers | None = 1,
     show: Show | None = None,
     **when: int,
 ) -> Bifurcation:
@@ -203,18 +204,20 @@ def bifurcation(
 
     Parameters
     ----------
-    vary : lowest and highest value, and their number, by dotted path
+    vary : lowest and highest value, and their number, by dotted path, also as text
+        ``'100 rpm:600 rpm:51'``; or a text ``PATH=LOW:HIGH:NUMBER``
     of : quantities of the section: of the catalogue, or of `_OF_IMPACTS` with `at_impacts`
     at_impacts : joint at whose impacts the section is taken, instead of once a turn
     starts : add a run from the scene's own start at each value
     when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
     """
-    check_options(bifurcation, when, *TURNS, words=OF_WORKERS)
+    when = check_options(bifurcation, when, TURNS)
     machine = load_scene(scene)
-    if len(vary) != 1:
-        raise InputError(f'bifurcation: one key is varied, not {len(vary)}; `basins` takes two')
-    ((parameter, values, written),) = varied(machine, vary)
-    plan, units, words = section(machine, listed(of), at_impacts, when)
+    ranges = read_counted('vary', vary)
+    if len(ranges) != 1:
+        raise InputError(f'bifurcation: one key is varied, not {len(ranges)}; `basins` takes two')
+    ((parameter, values, written),) = varied(machine, ranges)
+    plan, units, words = section(machine, listed(of, 'of'), at_impacts, when)
     path = parameter.path
     content = machine.scene.to_document()
     changes = [{path: value} for value in values]
@@ -230,7 +233,7 @@ def bifurcation(
             Call(str(k), follow, (machine.name, content, [one], path, plan, START))
             for k, one in enumerate(changes)
         ]
-    with workers or Workers(1) as makers:
+    with Workers.of(workers) as makers:
         rows = makers.do_all(tasks, show)
     found = [read_response(each, len(plan.of)) for row in rows for each in row['responses']]
     return Bifurcation(machine, parameter, *written, plan, units, words, tuple(_numbered(found)))

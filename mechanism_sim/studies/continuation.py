@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from mechanism_sim.arguments import public
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
@@ -518,8 +519,9 @@ def _grazing(shooting: _Shooting, orbits: list[_Orbit]) -> BranchEvent | None:
     return BranchEvent('grazing', value, joint)
 
 
+@public
 def branches(
-    found: Bifurcation, workers: Workers | None = None, show: Show | None = None
+    found: Bifurcation, workers: int | Workers | None = 1, show: Show | None = None
 ) -> tuple[ResponseBranch, ...]:
     """Branches through all periodic responses that were found, within the range of the parameter.
 
@@ -531,7 +533,7 @@ def branches(
 
     Parameters
     ----------
-    workers : processes that follow a period each; by default this process follows all
+    workers : processes that follow a period each; a single one is this process
     show : function called with the number of finished periods
     """
     if not isinstance(found, Bifurcation):
@@ -539,7 +541,7 @@ def branches(
     bare = replace(found, machine=Machine(found.machine.name, found.machine.scene))
     periods = dict.fromkeys(r.period for r in found.responses if r.period and r.state)
     tasks = [Call(str(period), _followed, (bare, period)) for period in periods]
-    with workers or Workers(1) as makers:
+    with Workers.of(workers) as makers:
         rows = makers.do_all(tasks, show)
     return tuple(branch for row in rows for branch in row['branches'])
 

@@ -9,17 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.errors import InputError, check_known, check_options
-from mechanism_sim.keys.names import listed
+from mechanism_sim.arguments import check_options, listed, public
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.plan import SweepPlan, measure_name, read_plan
 from mechanism_sim.studies.row import SOLUTION, SweepTask
-from mechanism_sim.studies.runs import OF_WORKERS, FinishedRows, Row, Show, Workers
+from mechanism_sim.studies.runs import FinishedRows, Row, Show, Workers
 from mechanism_sim.tables import Table
+from mechanism_sim.units import parted
 
 _HEADING = re.compile(r'(.+?)\s*\[([^\[\]]+)\]$')
 _ALWAYS = 'run', 'status'
+_EMPTY = 'ensemble: parameters: the table has no rows'
 _TWICE = "ensemble: parameters: there are two columns of '{}': keep one"
 
 
@@ -34,6 +36,7 @@ class Ensemble(Table):
     solutions: Sequence[Solution | None] = ()
 
 
+@public
 def ensemble(
     scene: Source,
     parameters: Any,
@@ -75,7 +78,7 @@ def ensemble(
         below ``if __name__ == '__main__':``; ``dask``, address of a scheduler, whose workers run
         it instead; ``show``, called with the number of finished runs, and of those that failed
     """
-    check_options(ensemble, how, _done, words=OF_WORKERS)
+    how = check_options(ensemble, how, _done)
     if keep and (how.get('workers', 1) != 1 or how.get('dask')):
         raise InputError('ensemble: keep: whole runs stay in this process: give workers=1')
     length = {'revolutions': revolutions, 'duration': duration}
@@ -124,7 +127,7 @@ def _wanted(plan: SweepPlan, columns: str | Sequence[str] | None) -> frozenset[s
     """Columns to be computed: the requested ones and measures; all if None."""
     if columns is None:
         return None
-    columns, labels = listed(columns), {*_ALWAYS, *plan.columns}
+    columns, labels = listed(columns, 'columns'), {*_ALWAYS, *plan.columns}
     known = [c.name for c in plan.table([]) if c.name not in labels]
     for name in columns:
         check_known(name, known, f"ensemble: columns: there is no '{name}'", 'columns:')
@@ -141,6 +144,8 @@ def _rows(parameters: Any) -> list[dict[str, Any]]:
         if twice := next((name for name in names if names.count(name) > 1), ''):
             raise InputError(_TWICE.format(twice))
         columns = {name: parameters[name].to_list() for name in parameters.columns}
+        if not columns:
+            raise InputError(_EMPTY)
     if isinstance(columns, Mapping):
         rows = _by_rows(columns)
     elif isinstance(columns, Iterable) and not isinstance(columns, str):
@@ -148,7 +153,7 @@ def _rows(parameters: Any) -> list[dict[str, Any]]:
     else:
         rows = [columns]
     if not rows:
-        raise InputError('ensemble: parameters: the table has no rows')
+        raise InputError(_EMPTY)
     for k, row in enumerate(rows):
         if not isinstance(row, Mapping):
             raise InputError(
@@ -194,5 +199,8 @@ def _value(name: str, x: Any) -> tuple[str, Any]:
     if isinstance(plain, float) and math.isnan(plain):  # as data frames have it
         raise InputError(f"ensemble: parameters: a cell of '{name}' is empty")
     path, unit = found.groups()
-    number = isinstance(plain, int | float) and not isinstance(plain, bool)
-    return path, f'{plain!r} {unit}' if number else plain
+    if isinstance(plain, int | float) and not isinstance(plain, bool):
+        plain = repr(plain)
+    # numbers may be texts, as in rows of `csv.DictReader`
+    bare = isinstance(plain, str) and (parted(plain) or ('', plain))[1] == ''
+    return path, f'{plain} {unit}' if bare else plain

@@ -5,37 +5,47 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim import tables
+from mechanism_sim.arguments import check_options, public
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError, check_options
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.studies.goal import CycleTrial, Goal, read_goals
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.optimum import Budget, Optimum, optimum
 from mechanism_sim.studies.parameters import Limits, Parameter, parameters, read_limits
-from mechanism_sim.studies.runs import OF_WORKERS, FinishedRows, Show, Workers
-from mechanism_sim.studies.trials import DIFFERENCES, EXACT, Trials
+from mechanism_sim.studies.runs import FinishedRows, Show, Workers
+from mechanism_sim.studies.trials import DIFFERENCES, Trials
 
 _ROUNDING = 1e-12
 _BESIDE = 1e-3  # share of an interval of samples: a count there equals that at one of them
 _JUMP = 1e-6  # share of the figure's range: a larger residual at a solution is a step
 
-_LOCAL, _GLOBAL = _SEARCHES = 'local', 'global'
-_HOW = {
-    'maximise': None, 'samples': 17, 'search': _LOCAL, 'evaluations': 400, 'file': None,
-    'restart': False, 'gradients': DIFFERENCES,
-}  # fmt: skip
-"""Options of a search and their defaults.
+_OF_CYCLE = {'duration': '', 'periods': 'int | None', 'start': ''}
+"""Options that are handed on to `cycle`."""
 
-Differences cost a run for each key, exact slopes 11 to 28: half the cycles, thrice the time.
-"""
-_OF_CYCLE = 'duration', 'periods', 'start'
+
+@dataclass(frozen=True)
+class _SearchOptions:
+    """Options of a search.
+
+    Differences cost a run for each key, exact slopes 11 to 28: half the cycles, thrice the time.
+    """
+
+    maximise: str | Sequence[str] | None = None
+    samples: int = 17
+    search: Literal['local', 'global'] = 'local'
+    evaluations: int = 400
+    file: str | Path | None = None
+    restart: bool = False
+    gradients: Literal['exact', 'differences'] = 'differences'
 
 
 @dataclass(frozen=True)
@@ -94,6 +104,7 @@ class Finding:
         return {self.goal.name: self.found[0].figure} if self.found else {}
 
 
+@public
 def find(
     scene: Source,
     vary: Mapping[str, Limits | str] | Sequence[str] | str,
@@ -101,7 +112,7 @@ def find(
     *,
     minimise: str | Sequence[str] | None = None,
     subject_to: str | Sequence[str] | None = None,
-    workers: Workers | None = None,
+    workers: int | Workers | None = 1,
     show: Show | None = None,
     **how: Any,
 ) -> Finding | Optimum:
@@ -125,7 +136,7 @@ def find(
     so_that : ``MEASURE = VALUE``, or several of them; or
     minimise : a measure; of several a front of Pareto
     subject_to : ``MEASURE < VALUE``, also with ``<=``, ``>``, ``>=`` or ``=``, or several of them
-    workers : processes that compute cycles; by default this process
+    workers : processes that compute cycles; a single one is this process, None one for each core
     show : callback with the numbers of cycles computed, and of failed ones
     how : ``maximise`` (a measure, or several); ``samples``, values or places that are tried first
         (17); ``search='global'``, differential evolution between all limits; ``evaluations``,
@@ -138,40 +149,34 @@ def find(
     -------
     Both kinds have ``values`` by path, ``measures`` and the number of ``evaluations``.
     """
-    check_options(find, how, *_HOW, *_OF_CYCLE, words=OF_WORKERS)
-    asked = {key: how.pop(key, usual) for key, usual in _HOW.items()}
-    goals = read_goals(so_that, minimise, asked['maximise'], subject_to)
-    machine, samples = load_scene(scene), asked['samples']
+    how = check_options(find, how, _SearchOptions, _OF_CYCLE)
+    asked = _SearchOptions(**{key: how.pop(key) for key in [*how] if key not in _OF_CYCLE})
+    goals = read_goals(so_that, minimise, asked.maximise, subject_to)
+    machine, samples = load_scene(scene), asked.samples
     if samples < 2:
         raise InputError('a search needs at least 2 values to begin with')
-    if not vary:
-        raise InputError('a search varies at least one key: there is none')
-    if asked['search'] not in _SEARCHES:
-        raise InputError(f"search '{asked['search']}': it must be one of {', '.join(_SEARCHES)}")
-    if asked['gradients'] not in (EXACT, DIFFERENCES):
-        raise InputError(
-            f"gradients '{asked['gradients']}': it must be one of {EXACT}, {DIFFERENCES}"
-        )
     limits = read_limits('vary', vary, lists=True)
+    if not limits:
+        raise InputError('a search varies at least one key: there is none')
     varied = parameters(machine, [*limits], '', limits=limits)
     if how.get('duration') is None:
         _check_speeds(varied, machine.plan.main)
-    trial, file = CycleTrial.of(machine, goals, how), asked['file']
+    trial, file = CycleTrial.of(machine, goals, how), asked.file
     with ExitStack() as stack:
         rows = FinishedRows()
         if file:
             file = tables.check_file('-o', file)
-            journal = Journal(file, trial.fingerprint, asked['restart'], 'search')
+            journal = Journal(file, trial.fingerprint, asked.restart, 'search')
             rows = stack.enter_context(journal)
-        pool = stack.enter_context(workers or Workers(1))
+        pool = stack.enter_context(Workers.of(workers))
         trials = Trials(trial, varied, goals, pool, rows, show)
-        trials.never = asked['gradients'] == DIFFERENCES
-        local = asked['search'] == _LOCAL
+        trials.never = asked.gradients == DIFFERENCES
+        local = asked.search == 'local'
         found: Finding | Optimum
         if len(varied) == len(goals) == 1 and not varied[0].choices and local:
             found = _along(trials, samples)
         else:
-            found = optimum(trials, Budget(samples, not local, asked['evaluations']))
+            found = optimum(trials, Budget(samples, not local, asked.evaluations))
         if file:
             tables.write(file, trials.columns(), {'title': machine.scene.title})
     return found

@@ -20,10 +20,12 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from mechanism_sim.arguments import public
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import Branch, FourBar
 from mechanism_sim.linkages.grashof import full_turns, transmission_range
+from mechanism_sim.output import path_of
 from mechanism_sim.results.path_distance import TargetPath, read_path
 from mechanism_sim.studies.synthesis import (
     KEPT,
@@ -44,6 +46,7 @@ _EXACT = 1e-9
 _TURN = 2.0 * math.pi
 
 
+@public
 def find_four_bars(
     path: str | Path | TargetPath | ArrayLike, transmission: float | str = '20 deg'
 ) -> list[PathFourBar]:
@@ -68,9 +71,12 @@ def find_four_bars(
     """
     least = argument('transmission', transmission, 'rad')
     if isinstance(path, str | Path):
-        path = read_path(str(path), 'path')
+        path = read_path(path_of(path), 'path')
     elif not isinstance(path, TargetPath):
-        points = np.asarray(path, dtype=float)
+        try:
+            points = np.asarray(path, dtype=float)
+        except (TypeError, ValueError):
+            points = np.zeros(0)
         if points.ndim != 2 or points.shape[1] not in (2, 3) or not np.isfinite(points).all():
             raise InputError('path: give points (n, 2) of x, y, or (n, 3) with an orientation')
         path = TargetPath(tuple(map(tuple, points.tolist())), '', ())

@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from mechanism_sim.arguments import listed
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.expressions import sides
 from mechanism_sim.results.cycle import cycle, cycle_window, measures_of
 from mechanism_sim.results.measure_accumulators import EXACT
 from mechanism_sim.results.measure_text import Measure, read
-from mechanism_sim.results.measures import Measured, Measurement, measure
+from mechanism_sim.results.measures import Measured, Measurement
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import rebuilt
@@ -73,9 +73,9 @@ def read_goals(
     subject_to: str | Sequence[str] | None = None,
 ) -> tuple[Goal, ...]:
     """Goals as they are written: ``largest(reaction.pin) = 20 kN``, or one without a value."""
-    wanted = [_wanted(text) for text in listed(so_that)]
-    extremes = [Goal(text.strip(), LEAST) for text in listed(minimise)]
-    extremes += [Goal(text.strip(), GREATEST) for text in listed(maximise)]
+    wanted = [_wanted(text) for text in listed(so_that, 'so_that')]
+    extremes = [Goal(text.strip(), LEAST) for text in listed(minimise, 'minimise')]
+    extremes += [Goal(text.strip(), GREATEST) for text in listed(maximise, 'maximise')]
     if bool(wanted) == bool(extremes):
         raise InputError(
             "give one of --so-that 'MEASURE = VALUE' and --minimise or --maximise MEASURE"
@@ -84,9 +84,8 @@ def read_goals(
         names = [goal.name for goal in goals]
         if len(set(names)) < len(names):
             raise InputError(f'{", ".join(names)}: every measure has one wanted value')
-    bounds = (
-        read_bound(text, f"'{text}' cannot be read: write {_BOUND}") for text in listed(subject_to)
-    )
+    limits = listed(subject_to, 'subject_to')
+    bounds = (read_bound(text, f"'{text}' cannot be read: write {_BOUND}") for text in limits)
     return (*wanted, *extremes, *bounds)
 
 
@@ -181,8 +180,9 @@ class CycleTrial:
             raise InputError(f'{machine.name}: its motion follows from its drives')
         run = simulate(machine, duration=end, derivatives=paths)
         texts = dict.fromkeys(m.text for m in self.measures)
-        found = {m.text: m.derivatives for m in measure(machine, run, *texts, since=begin)}
-        slopes = [[found[m.text][path] for path in paths] for m in self.measures]
+        window = begin, math.inf
+        found = {path: run.derivatives[path].measures(*texts, window=window) for path in paths}
+        slopes = [[found[path][m.text] for path in paths] for m in self.measures]
         if not all(math.isfinite(x) for row in slopes for x in row):
             ends = [d.end for d in run.derivatives.values() if d.end]
             raise RunError(f'no derivatives: {ends[0] if ends else "they are not finite"}')

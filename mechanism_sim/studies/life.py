@@ -32,10 +32,10 @@ import numpy as np
 import scipy
 
 from mechanism_sim import strict_json
+from mechanism_sim.arguments import check_options, listed, public
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError, check_known, check_options
+from mechanism_sim.errors import InputError, RunError, check_known
 from mechanism_sim.joints.contact_keys import Clearance, WearPart
-from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import batches
 from mechanism_sim.results.bearing_wear import (
     IMPACT_SLIP,
@@ -55,7 +55,7 @@ from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, compute
 from mechanism_sim.tables import Column, Table
-from mechanism_sim.units import to_si_like
+from mechanism_sim.units import argument, to_si_like
 
 PLACES = 180
 """Number of places of a surface, evenly from angle 0 on, whose depths are followed."""
@@ -183,6 +183,7 @@ class _Rates(NamedTuple):
     figures: dict[str, float]
 
 
+@public
 def life(
     scene: Source,
     until: str = '',
@@ -219,12 +220,13 @@ def life(
     bags : folder for a bag of each stage
     how : ``tolerance``, ``revolutions``, ``skip`` of `LifePlan`
     """
-    check_options(life, how, LifePlan)
+    how = check_options(life, how, LifePlan)
     machine = load_scene(scene)
-    plan = LifePlan(cycles=float(cycles), **how)
+    most = argument('cycles', cycles, '')
+    plan = LifePlan(cycles=LifePlan.cycles if most is None else most, **how)
     worn = _worn_bearings(machine, plan)
     ends = _end_of_life(until) if until else None
-    asked = _asked(machine, worn, listed(measures), ends)
+    asked = _asked(machine, worn, listed(measures, 'measures'), ends)
     content = machine.scene.to_document()
     print_of = strict_json.dumps([content, asked, plan.revolutions, plan.skip])
     with _kept(table, sha256(print_of.encode()).hexdigest(), restart) as rows:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mechanism_sim.arguments import public
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import DerivativeLimit, Flows
 from mechanism_sim.engine.events import Impacts
@@ -68,6 +69,7 @@ class LyapunovExponents:
         return math.isfinite(self.values[0]) and abs(self.values[0]) <= self.half_widths[0]
 
 
+@public
 def lyapunov(
     scene: Source,
     revolutions: int = 200,

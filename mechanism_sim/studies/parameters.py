@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mechanism_sim.errors import InputError, check_known, nearest
+from mechanism_sim.arguments import as_annotated, listed
+from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.facts import value_at
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.load import unit_at
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.units import QuantityValue, parted
+from mechanism_sim.units import QuantityValue, parted, plain
 
 OF_JOINT = ('restitution', 'friction', 'radial')
 NOISE = 'noise'
@@ -23,6 +24,9 @@ NAMES = (*OF_JOINT, NOISE)
 
 Limits = Sequence[Any] | Mapping[str, Sequence[Any]]
 """Lowest and highest value, or a list of other than two, or ``{'values': [...]}``."""
+
+Vary = Mapping[str, tuple[Any, Any, int] | str] | Sequence[str] | str
+"""Lowest and highest value and their number by path, or as text."""
 
 _LIMITS = {'restitution': (0.1, 0.9), 'friction': (0.02, 0.4)}
 _FACTORS = {'radial': (0.4, 2.5), NOISE: (1.0 / 3.0, 3.0)}  # times the value of the scene
@@ -140,8 +144,8 @@ def read_limits(
     """
     found: dict[str, Limits] = {}
     pairs = vary.items() if isinstance(vary, Mapping) else ()
-    texts = [vary] if isinstance(vary, str) else [*vary] if not pairs else []
-    for name, given in pairs:
+    texts = listed(() if isinstance(vary, Mapping) else vary, where)
+    for name, given in ((name, plain(given)) for name, given in pairs):
         if isinstance(given, str):
             texts.append(f'{name}={given}')
         elif isinstance(given, Mapping) and [*given] == ['values']:
@@ -155,6 +159,27 @@ def read_limits(
     example = 'links.crank.length=40 mm:60 mm' if lists else 'radial=0.1 mm:0.4 mm'
     for name, one in named_ranges(where, texts, example, lists=lists).items():
         found[name] = {'values': one.values} if one.listed else one.values
+    return found
+
+
+def read_counted(where: str, vary: Vary) -> dict[str, tuple[Any, Any, int]]:
+    """Limits and number of values by path, from texts ``PATH=LOW:HIGH:N``, or by path."""
+    example = 'drive.speed=100 rpm:600 rpm:51'
+    if not isinstance(vary, Mapping):
+        ranges = named_ranges(where, listed(vary, where), example, True)
+        return {path: (*one.values, one.number) for path, one in ranges.items()}  # type: ignore[misc]
+    found: dict[str, tuple[Any, Any, int]] = {}
+    for path, given in vary.items():
+        several = plain(given)
+        if isinstance(several, str):
+            found |= read_counted(where, f'{path}={several}')
+        elif isinstance(several, list | tuple) and len(several) == 3:
+            low, high, count = several
+            found[path] = low, high, as_annotated(f'{where}: {path}: number', count, 'int')
+        else:
+            raise InputError(
+                f"{where}: {path} = {quoted(given)}: write (LOW, HIGH, NUMBER) or 'LOW:HIGH:N'"
+            )
     return found
 
 

@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim import tables
+from mechanism_sim.arguments import listed
 from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.documents import texts_of
 from mechanism_sim.errors import InputError, RunWarning, check_known, quoted
 from mechanism_sim.joints.contact_keys import is_zero
-from mechanism_sim.keys.names import listed
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
+from mechanism_sim.output import path_of
 from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.scene import Machine, Source, span
@@ -38,6 +39,7 @@ from mechanism_sim.scene.files import (
     find_file,
     read_yaml,
 )
+from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.load import started_at, unit_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.validation import validate_turning
@@ -54,7 +56,15 @@ from mechanism_sim.studies.columns import (
 from mechanism_sim.studies.runs import Row
 from mechanism_sim.studies.schema import DesignPart, SweepFile, WindowsPart
 from mechanism_sim.tables import Column
-from mechanism_sim.units import QuantityValue, common, counted, to_si, to_si_like, to_si_text
+from mechanism_sim.units import (
+    QuantityValue,
+    common,
+    counted,
+    plain,
+    to_si,
+    to_si_like,
+    to_si_text,
+)
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.design import Factor
@@ -245,10 +255,11 @@ def read_plan(
     path, content = _content(source, called)
     bases: dict[str, SceneContent] = {}
     if scene is not None:
-        if 'scene' in content:
+        if SCENE in content:
             raise InputError(f"{path.name}: the sweep has a 'scene' of its own: keep one")
-        shared = content_of(scene.scene if isinstance(scene, Machine) else scene)
-        bases[shared.name], content = shared, {**content, 'scene': shared.name}
+        shared = _content_of(scene)
+        bases[shared.name], content = shared, {**content, SCENE: shared.name}
+    content = _with_named_scenes(content, bases)
     file = _by_component(checked(path.name, SweepFile, content))
     extent: Extent | None = None
     columns = _columns(path.name, file)
@@ -267,8 +278,8 @@ def read_plan(
         with _in_run(where):
             named = str(given.get(SCENE, file.scene))
             if named not in bases:
-                file_of = path.parent / named if named.endswith(('.yaml', '.yml')) else named
-                bases[named] = content_of(str(file_of))
+                is_path = named.endswith(('.yaml', '.yml'))
+                bases[named] = content_of(path.parent / path_of(named) if is_path else named)
             base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
             overrides, left_out = _without_play(overrides)
@@ -364,14 +375,53 @@ def _content(source: str | Path | Mapping[str, Any], called: str) -> tuple[Path,
     """Path and content of a sweep; one that is not in a file is as in the current folder."""
     if isinstance(source, Mapping):
         return Path(called), dict(source)
+    if not isinstance(source, str | Path):
+        raise InputError(
+            f'{quoted(source)} is not a sweep: give a name, a path, or its keys and values as a '
+            'dictionary'
+        )
     known = ', '.join(sweep_names())
     path = find_file(str(source), 'sweep', config_folder() / 'sweeps', f'known are: {known}')
     return path, read_yaml(path, 'sweep')
 
 
+def _content_of(scene: Source) -> SceneContent:
+    """Content of a scene in any form."""
+    if isinstance(scene, Machine):
+        return content_of(scene.scene, scene.name)
+    return content_of(scene)
+
+
+def _with_named_scenes(content: dict[str, Any], bases: dict[str, SceneContent]) -> dict[str, Any]:
+    """Keys and values of a sweep in which scenes of other forms stand by name, and enter these."""
+    texts = set()
+
+    def named(value: Any, key: str, known: dict[str, SceneContent]) -> Any:
+        value = plain(value)
+        if key == SCENE and isinstance(value, str | Path):
+            texts.add(str(value))
+            return str(value)
+        if key == SCENE and isinstance(value, Mapping | Scene | FourBarScene | Machine):
+            found, number = _content_of(value), 1
+            name = found.name
+            while name in texts or (name in known and known[name].data != found.data):
+                number += 1
+                name = f'{found.name}_{number}'
+            known[name] = found._replace(name=name)
+            return name
+        if isinstance(value, Mapping):
+            return {k: named(x, k, known) for k, x in value.items()}
+        return [named(x, key, known) for x in value] if isinstance(value, list | tuple) else value
+
+    named(content, '', {})  # all texts, which are names already
+    found: dict[str, Any] = named(content, '', bases)
+    return found
+
+
 def _measures(file: str, sweep: SweepFile, more: str | Sequence[str]) -> list[OwnMeasure]:
     """All measures, those of the command line last."""
-    found = [*read_all(sweep.measures, f'{file}: measures'), *read_all(listed(more), '--measure')]
+    found = read_all(sweep.measures, f'{file}: measures')
+    found += read_all(listed(more, 'measures'), '--measure')
     _check_names(file, [m.name for m in found])
     return found
 

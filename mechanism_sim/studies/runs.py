@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Self
 
 from mechanism_sim import process_exit
+from mechanism_sim.arguments import as_annotated
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import needed
 
@@ -144,10 +145,6 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-OF_WORKERS = dict.fromkeys(('n_jobs', 'jobs', 'processes', 'cores', 'threads'), "'workers'")
-"""Words of other libraries for an option."""
-
-
 class Workers:
     """Processes of this machine that do tasks, or a Dask cluster; they live as long as its block.
 
@@ -179,6 +176,13 @@ class Workers:
         self._here = self._count == 1 and not apart
         self._lost, self._started = lost, ExitStack()
         self._submit: Callable[[Task], Any] | None = None
+
+    @classmethod
+    def of(cls, given: int | Workers | None) -> Workers:
+        """Workers by their number, as functions take it."""
+        if isinstance(given, Workers):
+            return given
+        return cls(as_annotated('workers', given, 'int | None'))
 
     def do(
         self, tasks: Sequence[Task], rows: FinishedRows, show: Show | None = None

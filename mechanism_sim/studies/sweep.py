@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output, tables
+from mechanism_sim.arguments import check_options, public
 from mechanism_sim.engine import plotting
-from mechanism_sim.errors import InputError, check_options
+from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.columns import overloads_of
 from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Run, SweepPlan, read_plan
 from mechanism_sim.studies.row import SweepTask
-from mechanism_sim.studies.runs import OF_WORKERS, Row, Show, Workers, has_failed
+from mechanism_sim.studies.runs import Row, Show, Workers, has_failed
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Shard
@@ -44,6 +45,7 @@ class SweepSummary:
     windows_folder: str | None = None
 
 
+@public
 def sweep(
     source: str | Path | Mapping[str, Any],
     file: str | Path | None = None,
@@ -64,16 +66,19 @@ def sweep(
 
     Parameters
     ----------
-    source : a sweep of the package, the path of a file, or its keys and values as a dictionary
+    source : a sweep of the package, the path of a file, or its keys and values as a dictionary, in
+        which scenes have any form for `load_scene`
     file : table to write, with a journal from which an interrupted sweep goes on; none if not
         given
-    scene : scene of all runs, if `source` has none, in any form for `load_scene`
+    scene : scene of all runs, if `source` has none, likewise
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
     workers : processes, a single one this process; None for one for each core, in a script only
         below ``if __name__ == '__main__':``, as two and more
     how : ``dask``, ``bags``, ``windows``, ``restart``, ``show`` of `run_plan`
     """
-    check_options(sweep, how, run_plan, words=OF_WORKERS)
+    how = check_options(sweep, how, run_plan)
+    if file:
+        tables.check_file('file', file)
     plan = read_plan(source, measures, scene=scene)
     if plan.windows and not (file or how.get('windows')):
         raise InputError(
@@ -94,8 +99,8 @@ def run_plan(
     table: Path,
     workers: int | Workers | None = None,
     dask: str | None = None,
-    bags: str | None = None,
-    windows: str | None = None,
+    bags: str | Path | None = None,
+    windows: str | Path | None = None,
     restart: bool = False,
     show: Show | None = None,
 ) -> tuple[SweepSummary, list[Row]]:
@@ -181,7 +186,7 @@ def _tasks(plan: SweepPlan, bags: Path | None, windows: Path | None) -> list[Swe
     return tasks
 
 
-def _bag_folder(plan: SweepPlan, table: Path, bags: str | None) -> Path | None:
+def _bag_folder(plan: SweepPlan, table: Path, bags: str | Path | None) -> Path | None:
     """Folder for the bags of runs; None if none are recorded."""
     if not bags and not plan.bags:
         return None
@@ -190,7 +195,7 @@ def _bag_folder(plan: SweepPlan, table: Path, bags: str | None) -> Path | None:
 
 
 def _window_folder(
-    plan: SweepPlan, table: Path, windows: str | None, restart: bool
+    plan: SweepPlan, table: Path, windows: str | Path | None, restart: bool
 ) -> Path | None:
     """Folder for windows; None without windows. Windows of this sweep in it stay."""
     if not plan.windows:

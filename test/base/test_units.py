@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from datetime import timedelta
 from fractions import Fraction
 
 import numpy as np
@@ -15,6 +16,7 @@ from mpmath import mp, mpf, pi
 from mechanism_sim import units
 from mechanism_sim.units import (
     EXAMPLES,
+    argument,
     counted,
     instant,
     plain,
@@ -312,3 +314,21 @@ def test_of_several_units_the_advice_of_the_first_is_kept():
         ValueError, match="degrees are 'deg': write for example '30 deg' or '64 mm'"
     ):
         to_si_of('30 Grad', ('rad', 'm'))
+
+
+def test_durations_of_python_numpy_and_pandas_are_in_seconds():
+    """Of nanoseconds NumPy's `tolist` makes plain numbers, which were read as seconds."""
+    pandas = pytest.importorskip('pandas')
+    for ten in (timedelta(milliseconds=10), np.timedelta64(10, 'ms'), np.timedelta64(10**7, 'ns'),
+                pandas.Timedelta('10ms'), pandas.Timedelta('10ms').as_unit('ns')):  # fmt: skip
+        assert to_si(ten, 's') == 0.01
+        assert argument('t', ten, 's') == 0.01
+        with pytest.raises(ValueError, match="has the unit 's', which is not a unit of 'm'"):
+            to_si(ten, 'm')
+    assert plain(np.array([[1, 2]], 'm8[s]')) == [['1.0 s', '2.0 s']]
+    assert plain(pandas.Series(pandas.to_timedelta([1, 2], unit='ms'))) == ['0.001 s', '0.002 s']
+
+
+def test_turns_a_minute_in_french():
+    assert to_si('300 tr/min', 'rad/s') == to_si('300 rpm', 'rad/s')
+    assert to_si('300 tr/min^2', 'rad/s^2') == to_si('300 rpm/min', 'rad/s^2')

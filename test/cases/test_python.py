@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -299,3 +301,16 @@ def test_keywords_that_nobody_takes_are_refused_by_the_name_of_the_function(name
     count = sum(p.kind is p.POSITIONAL_OR_KEYWORD for p in needed)
     with pytest.raises((InputError, TypeError), match=rf"^{name}(\(\) got| has no option).*'zzz'"):
         function(*['pendulum'] * count, zzz=1)
+
+
+def test_machines_and_runs_are_keys_of_dictionaries():
+    """Machines of one scene are equal, as for `lru_cache`; a run is itself only."""
+    one, two = ms.load_scene('slider_crank'), ms.load_scene('slider_crank')
+    fast = ms.load_scene('slider_crank', {'drive.speed': '1 rad/s'})
+    assert len({one, two, fast, copy.deepcopy(one)}) == 2
+    run = ms.simulate(one, duration='1 ms')
+    same = pickle.loads(pickle.dumps(run))
+    assert run == run != same  # noqa: PLR0124
+    assert run in [same, run]
+    assert len({run, same, ms.open_run(run).piece}) == 2
+    assert run.digest() == same.digest()

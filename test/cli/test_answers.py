@@ -10,12 +10,12 @@ import pytest
 from running import run, run_json
 
 from mechanism_sim import tables
+from mechanism_sim.analysis.measure import measure
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.server import HOST, PORT, Server
 from mechanism_sim.report import progress
 from mechanism_sim.results.measure_text import read_all
-from mechanism_sim.results.measures import measure
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import load_scene
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad_vec, solve_ivp
 
+from mechanism_sim.analysis.measure import measure
 from mechanism_sim.numerics.fourier import spectrum
-from mechanism_sim.results.measures import measure
 from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine
 from test.grid.case import Draft, Failure, Family, Random, Scene

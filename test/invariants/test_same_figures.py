@@ -10,12 +10,13 @@ import pytest
 from four_bars import loose
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.measure import measure
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.errors import RunError
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read_all
-from mechanism_sim.results.measures import EXACT, Measurement, measure
+from mechanism_sim.results.measures import EXACT, Measurement
 from mechanism_sim.studies.plan import Extent
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.run_bag import RunBag

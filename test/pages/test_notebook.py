@@ -205,3 +205,26 @@ def test_long_work_shows_its_progress_in_a_notebook_only(monkeypatch):
     ms.simulate('four_bar_clearance', revolutions=40)
     assert shown[0].data.startswith('simulate four_bar_clearance <progress')
     assert shown[-1].data == ''
+
+
+def test_values_and_overrides_to_explore_are_of_any_form():
+    """Generators and arrays; a list of overrides as for `load_scene`."""
+    crank = 'slider_crank', 'drive.speed'
+    how = {'quantity': 'position.piston', 'revolutions': 1}
+    pages = {
+        ms.explore(*crank, values, overrides=overrides, **how).page
+        for values in ((x for x in (1.0, 2.0)), np.array([1.0, 2.0]), [1.0, 2.0])
+        for overrides in ({'links.rod.length': '0.3 m'}, ['links.rod.length=0.3 m'])
+        if not hasattr(values, 'send') or isinstance(overrides, dict)
+    }
+    assert len(pages) == 1
+    for values in ((), None, 3, iter([])):
+        with pytest.raises(InputError, match=r'drive.speed: no values are given'):
+            ms.explore(*crank, values, **how)
+
+
+def test_a_film_and_a_player_refuse_the_run_of_another_machine(tmp_path):
+    run = ms.simulate('slider_crank', duration='1 ms')
+    for call in (ms.play, lambda scene, run: ms.animate(scene, tmp_path / 'a.gif', run)):
+        with pytest.raises(InputError, match='the run is not one of <Machine pendulum'):
+            call('pendulum', run)

@@ -10,8 +10,9 @@ from builders import made
 from scipy.integrate import quad
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.measure import measure
 from mechanism_sim.results.cycle import cycle
-from mechanism_sim.results.measures import EXACT, measure
+from mechanism_sim.results.measures import EXACT
 
 TURN = 2.0 * math.pi
 

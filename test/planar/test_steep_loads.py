@@ -9,10 +9,10 @@ import scipy
 from builders import made
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.measure import measure
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.numerics.enclosure import Enclosure, MotionSeries, reach_of
 from mechanism_sim.numerics.formula import FUNCTIONS
-from mechanism_sim.results.measures import measure
 
 ROOT = math.sqrt(math.pi)
 

@@ -7,7 +7,9 @@ import io
 import re
 
 import numpy as np
+import pandas
 import pytest
+import scipy
 from bags import messages_of
 from matplotlib.colors import same_color
 from mcap_ros2.writer import Writer
@@ -21,9 +23,11 @@ from mechanism_sim.analysis.series import parse
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import LINKS
-from mechanism_sim.messages import own_messages
+from mechanism_sim.messages import JointState, own_messages, serialize
 from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.report import lines
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.charts.charted_run import ChartedRun
@@ -608,3 +612,55 @@ def test_powers_of_ten_stand_at_a_logarithmic_axis_only_far_from_one(factor, sai
     texts = {t.get_text() for t in ticks} - {''}
     assert said <= texts
     assert all(('10^' in text) != bool(said) for text in texts)
+
+
+def test_parts_of_runs_have_times_with_units_and_no_length(solution):
+    """A length was not taken into account without a word."""
+    (axes,) = ms.plot(solution, 'position.rocker', start='10 ms', end='50 ms').axes
+    (line, *_) = axes.lines
+    assert (line.get_xdata()[0], line.get_xdata()[-1]) == pytest.approx((0.01, 0.05))
+    for name, length in (('revolutions', 2), ('duration', '1 s')):
+        with pytest.raises(InputError, match=f'plot: {name} does not apply to a run'):
+            ms.plot(solution, 'position.rocker', **{name: length})
+    with pytest.raises(InputError, match="end = '5 mm' has the unit 'mm'"):
+        ms.plot(ms.cycle('slider_crank'), 'position.piston', end='5 mm')
+
+
+def test_files_of_signals_have_their_scale_and_rate_in_python(tmp_path):
+    """As the command has --full-scale and --sample-rate, which its sentences name."""
+    scipy.io.wavfile.write(tmp_path / 'a.wav', 8000, np.array([0, 16384, -32768], np.int16))
+    wave = ms.plot(tmp_path / 'a.wav', full_scale='50 m/s^2').axes[0].lines[0]
+    assert wave.get_ydata() == pytest.approx([0.0, 25.0, -50.0])
+    np.savez(tmp_path / 'b.npz', acc=[1.0, 2.0, 4.0], fs=2000.0)
+    for rate in ('2 kHz', 2000, np.float64(2000.0)):
+        line = ms.plot(tmp_path / 'b.npz', sample_rate=rate).axes[0].lines[0]
+        assert line.get_xdata() == pytest.approx([0.0, 0.0005, 0.001])
+    with pytest.raises(InputError, match=r'give --sample-rate, .* single numbers are fs = 2000'):
+        ms.plot(tmp_path / 'b.npz')
+    with pytest.raises(InputError, match='plot: full_scale does not apply to a scene or a run'):
+        ms.plot('slider_crank', full_scale='50 m/s^2')
+    with pytest.raises(InputError, match='plot: duration does not apply to a file of signals'):
+        ms.plot(tmp_path / 'b.npz', duration=1.0)
+
+
+def test_durations_in_columns_of_tables_are_times(tmp_path):
+    """They were left out without a word."""
+    frame = pandas.DataFrame({'time': pandas.to_timedelta([0, 1, 2], unit='ms'), 'a': [1.0, 2, 4]})
+    frame.to_parquet(tmp_path / 'a.parquet')
+    line = ms.plot(tmp_path / 'a.parquet').axes[0].lines[0]
+    assert line.get_xdata() == pytest.approx([0.0, 0.001, 0.002])
+
+
+def test_a_bag_of_others_that_was_opened_is_plotted_and_needs_no_machine(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with BagWriter(path) as bag:
+        bag.add_topic('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+        for k in range(5):
+            bag.write('/joint_states', serialize(JointState(name=['a'], position=[2.0 * k])), k)
+    run = ms.open_run(path)
+    assert ms.open_run(run) is run
+    both = [ms.plot(x, 'position.a').axes[0].lines[0] for x in (run, path)]
+    assert both[0].get_ydata().tolist() == both[1].get_ydata().tolist() == [0, 2, 4, 6, 8]
+    for call in (ms.play, ms.report, lambda x: ms.measure(x, 'mean(position.a)')):
+        with pytest.raises(InputError, match=r'a.mcap: .* needs the machine, and this bag has'):
+            call(run)

@@ -11,6 +11,7 @@ import scipy
 from four_bars import loose
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.measure import measure
 from mechanism_sim.cli import main
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.energy_terms import EnergyTerms
@@ -27,7 +28,6 @@ from mechanism_sim.results.measures import (
     EXACT,
     Measurement,
     check_measures,
-    measure,
     per_turn,
 )
 from mechanism_sim.results.ranges import LoadPeaks
@@ -439,8 +439,11 @@ def test_texts_of_measures_come_one_by_one_in_lists_and_by_name():
         ('size', both[0].value), ('stroke', both[1].value)
     ]  # fmt: skip
     assert ms.measure(run, []) == []
-    for wrong in ([one_text, 3.0], 3.0):
-        with pytest.raises(InputError, match='no text of a measure'):
+    for wrong, said in (
+        ([one_text, 3.0], 'measures: 3.0 is not a text'),
+        (3.0, 'measures = 3.0 is neither a text nor a list of texts'),
+    ):
+        with pytest.raises(InputError, match=said):
             ms.measure(run, wrong)
     with pytest.raises(InputError, match='give a solution before it'):
         ms.measure(run.machine, [one_text])

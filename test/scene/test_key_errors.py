@@ -349,3 +349,14 @@ def test_friction_in_the_clearance_of_what_does_not_rub_is_refused() -> None:
     given = {'radial': '0.1 mm', 'restitution': 0.5}
     assert not Bare().clearance_objection(Clearance(**given))
     assert 'friction' in Bare().clearance_objection(Clearance(**given, friction=0.1))
+
+
+def test_parts_that_were_made_stay_as_they_are() -> None:
+    """Pydantic's own words have several lines."""
+    scene = ms.load_scene('slider_crank').scene
+    for part, key in ((scene, 'title'), (scene.links['crank'], 'length')):
+        said = (
+            rf'^\w+: {key} cannot be set, for parts of a scene stay as they are: make another one'
+        )
+        with pytest.raises(InputError, match=said):
+            setattr(part, key, None)

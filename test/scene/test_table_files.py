@@ -341,3 +341,44 @@ def test_a_cam_table_is_no_law_over_time(tmp_path, heading):
         InputError, match=r"column 'angle.*' is an angle, .* a joint 'cam' with law"
     ):
         load_scene(str(tmp_path / 's.yaml'))
+
+
+def test_files_of_overrides_are_in_the_current_folder_too(tmp_path, monkeypatch):
+    """Those of the package's scenes had to lie in its own folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'speed.csv').write_text('t [s],speed [rpm]\n0,300\n1,300\n')
+    given = {'drive.speed': {'file': 'speed.csv'}}
+    slow = load_scene('slider_crank', given).drive.start[1]
+    assert slow == pytest.approx(10.0 * math.pi)
+    assert load_scene('slider_crank', 'drive.speed={file: speed.csv}').drive.start[1] == slow
+    scenes = tmp_path / 'scenes'
+    scenes.mkdir()
+    (scenes / 'own.yaml').write_text(load_scene('slider_crank').scene.to_yaml())
+    (scenes / 'speed.csv').write_text('t [s],speed [rpm]\n0,600\n1,600\n')
+    fast = load_scene('scenes/own.yaml', given).drive.start[1]  # that of the scene comes first
+    assert fast == pytest.approx(20.0 * math.pi)
+    for name, said in (
+        ('no.csv', f"there is none in '{scenes}' nor in '{tmp_path}'; put it there, or say in"),
+        ('/etc/passwd', 'lies outside the folder of the scene'),
+    ):
+        with pytest.raises(InputError, match=re.escape(said)):
+            load_scene('scenes/own.yaml', {'drive.speed': {'file': name}})
+
+
+@pytest.mark.parametrize('key', ['torque', 'force', 'effort'])
+def test_a_file_of_forces_is_a_table(key, tmp_path, monkeypatch):
+    """It was read as one of speeds."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'load.csv').write_text('t [s],M [Nm]\n0,2\n1,2\n')
+    with pytest.raises(InputError, match=rf"a {key} has no points: enter the file in 'tables'"):
+        load_scene('slider_crank', {'drive': {'speed': 1.0, key: {'file': 'load.csv'}}})
+    tables = {'tables': {'load': {'file': 'load.csv'}}}
+    drive = {'coordinate': 'crank', 'torque': 'load(t)'}
+    assert load_scene('slider_crank', {**tables, 'drive': drive}).plan.main == 'crank'
+
+
+def test_a_file_of_one_column_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.savez(tmp_path / 'speed.npz', speed=[1.0, 2.0], fs=1000.0)
+    with pytest.raises(InputError, match='has one column, speed, where columns must be a list'):
+        load_scene('slider_crank', {'drive.speed': {'file': 'speed.npz'}})

@@ -17,6 +17,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.pages import families
 from mechanism_sim.report.bifurcation import basins_text, chart, render, to_json
 from mechanism_sim.studies import bifurcation as study
+from mechanism_sim.studies.parameters import read_counted
 from mechanism_sim.studies.periodic import PoincareMap
 
 FLIP = math.hypot(math.pi * (1 - E) / (1 + E), 2.0 * (1 + E**2) / (1 + E) ** 2)
@@ -414,3 +415,23 @@ def test_what_is_foretold_past_a_pitchfork_is_left():
     assert stable[-1] == (1, True)
     assert all(still for period, still in stable if period == 1)
     assert 0 in [period for period, _ in stable]
+
+
+def test_ranges_are_texts_or_tuples():
+    """As those of `find` and of the commands; numbers of values may be NumPy's."""
+    texts = 'drive.speed=100 rpm:110 rpm:2', ['drive.speed = 100 rpm:110 rpm:2']
+    names = (
+        {'drive.speed': '100 rpm:110 rpm:2'},
+        {'drive.speed': ['100 rpm', '110 rpm', np.int8(2)]},
+    )
+    found = {str(read_counted('vary', given)) for given in (*texts, *names)}
+    assert found == {"{'drive.speed': ('100 rpm', '110 rpm', 2)}"}
+    for wrong, said in (
+        ({'drive.speed': (1.0, 2.0)}, 'write (LOW, HIGH, NUMBER) or '),
+        ({'drive.speed': (1.0, 2.0, 2.5)}, 'drive.speed: number = 2.5 is not a whole number'),
+        ({'drive.speed': '1:2'}, 'write NAME=LOW:HIGH:N'),
+        ({}, 'bifurcation: one key is varied, not 0'),
+    ):
+        with pytest.raises(InputError) as caught:
+            ms.bifurcation('four_bar_clearance', wrong)
+        assert said in str(caught.value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -251,3 +253,21 @@ def test_samples_that_were_cut_are_counted_for_each_run():
     free, cut = found[f'sum({name}.overloads)']
     assert np.isnan(free)
     assert cut > 100
+
+
+def test_texts_have_the_unit_of_their_heading():
+    """Of files that are read as text, as by `csv.DictReader`: 60 rpm were taken as 60 rad/s."""
+    rows = [{'drive.speed [rpm]': x, 'start': 'seated'} for x in ('60', ' 1e2 ', '120 rpm', 60)]
+    found = ms.ensemble(SCENE, rows, revolutions=1, columns=[])
+    assert found['drive.speed'] == pytest.approx(np.array([60, 100, 120, 60]) * math.pi / 30.0)
+    assert found['start'].tolist() == ['seated'] * 4
+
+
+def test_errors_name_the_machine_and_empty_frames_have_no_rows():
+    pandas = pytest.importorskip('pandas')
+    machine = ms.load_scene('slider_crank')
+    with pytest.raises(InputError, match=r"slider_crank: unknown key 'drive.sped'"):
+        ms.ensemble(machine, {'drive.sped': [1.0]}, revolutions=1)
+    for frame in (pandas.DataFrame(), pandas.DataFrame({'drive.speed': []})):
+        with pytest.raises(InputError, match='the table has no rows'):
+            ms.ensemble(machine, frame, revolutions=1)

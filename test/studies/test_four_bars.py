@@ -177,3 +177,20 @@ def test_a_dwell_is_a_range_in_a_part_of_a_turn():
     best = min(travel, key=lambda ground: travel[ground])
     assert found.measures[dwell] == pytest.approx(travel[best], rel=1e-3)
     assert found.values['links.ground.points.B.x'] == pytest.approx(best, abs=2e-4)
+
+
+def test_a_path_that_somebody_names_may_lie_anywhere(tmp_path, monkeypatch):
+    """Only a scene, which may be another's, is kept to its folder."""
+    (tmp_path / 'oval.csv').write_text('x [mm],y [mm]\n0,0\n10,5\n20,0\n10,-5\n5,-4\n')
+    (tmp_path / 'else').mkdir()
+    monkeypatch.chdir(tmp_path / 'else')
+    monkeypatch.setenv('HOME', str(tmp_path))
+    monkeypatch.setattr('mechanism_sim.studies.four_bars.path_four_bars', lambda path, _: [path])
+    for file in (tmp_path / 'oval.csv', str(tmp_path / 'oval.csv'), '../oval.csv', '~/oval.csv'):
+        (found,) = ms.find_four_bars(file)
+        assert found.points[1] == pytest.approx((0.01, 0.005))
+    with pytest.raises(InputError, match=r"'none.csv' cannot be read: No such file"):
+        ms.find_four_bars('none.csv')
+    done = run('find', '--path', str(tmp_path / 'oval.csv'), '-o', 'a.yaml')
+    assert done.returncode == 2
+    assert f"allow its folder by --tables-from '{tmp_path}'" in done.stderr

@@ -20,6 +20,7 @@ from running import ROOT, TIMEOUT, command, environment, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.studies.columns import FIGURES, own_columns
@@ -638,3 +639,42 @@ def test_a_clearance_of_zero_is_an_ideal_joint_in_the_same_table(tmp_path):
     bare = ms.ensemble(loose(0.5), {RADIAL: [0, 2e-4]}, revolutions=1, columns=['digest'])
     assert bare.units[RADIAL] == 'm'
     assert bare['digest'][0] == found['digest'][0] != bare['digest'][1]
+
+
+def test_scenes_of_every_form_stand_in_sweeps(tmp_path, monkeypatch):
+    """As all of Python's functions take them; of one name each has a name of its own."""
+    monkeypatch.chdir(tmp_path)
+    slow, fast = (ms.load_scene('slider_crank', {'drive.speed': x}) for x in (1.0, 2.0))
+    Path('own.yaml').write_text(fast.scene.to_yaml(), encoding='utf-8')
+    top = ['top = highest(velocity.piston)']
+    first, second = (ms.measure(ms.simulate(x, revolutions=1), top)[0].value for x in (slow, fast))
+    length = {'revolutions': 1}
+    for form in (slow, slow.scene, slow.scene.to_document(), slow.scene.to_yaml()):
+        table = ms.sweep({**length, 'scene': form, 'runs': [{}]}, measures=top)
+        assert table['top'].tolist() == [first]
+    scenes = ['slider_crank', slow, fast, Path('own.yaml'), slow]
+    table = ms.sweep({**length, 'grid': {'scene': scenes}}, measures=top)
+    names = ['slider_crank', 'slider_crank_2', 'slider_crank_3', 'own', 'slider_crank_2']
+    assert table['scene'].tolist() == names
+    assert table['top'][1:].tolist() == [first, second, second, first]
+    listed = [{'scene': fast}, {'scene': slow.scene}, {'scene': fast, 'drive.speed': 1.0}]
+    table = ms.sweep({**length, 'runs': listed}, measures=top)
+    assert table['scene'].tolist() == ['slider_crank', 'scene', 'slider_crank']
+    assert table['top'].tolist() == [second, first, first]
+    with pytest.raises(InputError, match="the sweep has a 'scene' of its own"):
+        ms.sweep({**length, 'scene': slow}, scene=slow)
+    with pytest.raises(InputError, match=r'sweep: scene = 3: it must be text'):
+        ms.sweep({**length, 'scene': 3})
+
+
+def test_a_table_that_cannot_be_written_is_refused_before_the_plan_is_made(tmp_path, monkeypatch):
+    """The plan of thousands of runs takes its time."""
+
+    monkeypatch.setattr('mechanism_sim.studies.sweep.read_plan', None)
+    for file, said in (('a.doc', 'the ending must be'), ('no/a.csv', 'there is no directory')):
+        with pytest.raises(InputError, match=said):
+            ms.sweep('thesis', tmp_path / file)
+    monkeypatch.setattr('mechanism_sim.studies.plan.read_plan', None)
+    with pytest.raises(SystemExit) as ended:
+        main(['sweep', 'thesis', '-o', 'a.doc', '--json'])
+    assert ended.value.code == 2

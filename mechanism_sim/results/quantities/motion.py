@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
+from mechanism_sim.arguments import listed
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import check_known
-from mechanism_sim.keys.names import listed
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import LinkPoint, Point
@@ -74,7 +74,7 @@ def _named_points(machine: Machine) -> dict[str, LinkPoint]:
 
 def choose_points(machine: Machine, names: str | Iterable[str]) -> dict[str, LinkPoint]:
     """The points of these names, in this order."""
-    known, names = _named_points(machine), listed(names)
+    known, names = _named_points(machine), listed(names, 'points')
     for name in names:
         wrong = f"{machine.name} has no point '{name}'"
         check_known(name, known, wrong, 'a point is LINK.POINT:')
