@@ -166,11 +166,11 @@ class Impacts(Sequence[Impact]):
         return np.stack([self.column('drive_work'), self.sudden_loss], axis=1)
 
     def where(self, chosen: NDArray[np.bool_]) -> Self:
-        """Impacts chosen by a mask (n,)."""
+        """Impacts of a mask (n,)."""
         return type(self)(self.joints, self.rows[chosen])
 
     def of_joint(self, joint: str) -> Self:
-        """Impacts of a joint."""
+        """Impacts in a joint."""
         return self.where(self.gaps == (*self.joints, joint).index(joint))
 
     def __len__(self) -> int:
