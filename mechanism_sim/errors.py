@@ -94,7 +94,8 @@ def nearest(
 def nearest_file(path: Path, endings: Sequence[str], alike: bool = True) -> str:
     """Clause on a file of these endings with the same name but its ending, or one `alike`."""
     try:
-        others = sorted(x.name for x in path.parent.iterdir() if x.name.endswith(tuple(endings)))
+        beside = (x for x in path.parent.iterdir() if x.name.endswith(tuple(endings)))
+        others = sorted(x.name for x in beside if x.is_file())
     except (OSError, ValueError):
         return ''
     for name in others:

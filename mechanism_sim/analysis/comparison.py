@@ -129,9 +129,9 @@ def _energy(record: Record) -> dict[Key, float]:
     samples = record.piece.view(np.array([record.start, record.end]))
     works = {'work of drives': samples.drive_work, 'dissipated': samples.dissipated}
     held = samples.observed.kinetic_energy, samples.observed.potential_energy
-    nothing = _ROUNDING * max(float(np.abs(x).max()) for x in (*held, *works.values()))
+    nothing = _ROUNDING * float(np.nanmax(np.abs([*held, *works.values()])))
     amounts = {word: float(values[-1] - values[0]) for word, values in works.items()}
-    return {('energy', '', w, 'J'): x if abs(x) > nothing else 0.0 for w, x in amounts.items()}
+    return {('energy', '', w, 'J'): 0.0 if abs(x) <= nothing else x for w, x in amounts.items()}
 
 
 def _sensors(record: Record) -> Iterator[tuple[Key, float]]:

@@ -128,7 +128,7 @@ class ImpactSummary:
 
 
 class ImpactCollector:
-    """Gathers impacts, a few numbers of each."""
+    """Gathers impacts."""
 
     def __init__(self) -> None:
         self._parts: list[Impacts] = []

@@ -146,8 +146,8 @@ class Impacts(Sequence[Impact]):
         return self.rows[:, _JOINT].astype(np.intp)
 
     def column(self, field: str) -> Array:
-        """A field (n,) of all impacts, other than their joints."""
-        return self.rows[:, _FIELDS[field]]
+        """A field (n,) of all impacts, other than their joints: its own array."""
+        return self.rows[:, _FIELDS[field]].copy()
 
     def with_column(self, field: str, values: Array) -> Self:
         """The impacts with another field (n,)."""

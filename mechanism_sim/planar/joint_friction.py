@@ -113,16 +113,21 @@ class JointFriction(ABC):
         force, moment : (2, N) [N] and (N,) [N m] of the first-named on the second-named link
         q, v : (n, N) coordinates and rates
         """
-        j, m, index = self.joint, self.mechanism, self.mechanism.coordinates.index
-        (first, first_rate), (second, second_rate) = (m.trace(end, q, v) for end in j.points)
-        w1, w2 = (
-            sum((x * v[index(c)] for c, x in m.turns(*end).items()), np.zeros(v.shape[1]))
-            for end in j.points
-        )
+        ends = self.joint.points
+        (first, first_rate), (second, second_rate) = (self.mechanism.trace(e, q, v) for e in ends)
+        w1, w2 = self._rates(v)
         x, y = second - first
         slip = second_rate - (first_rate + w1 * np.array([-y, x]))
         lost: Array = -(force * slip).sum(axis=0) - moment * (w2 - w1)
         return lost
+
+    def _rates(self, v: Array) -> Array:
+        """Angular velocities (2, N) [rad/s] of both links at the joint."""
+        index, none = self.mechanism.coordinates.index, np.zeros(v.shape[1])
+        return np.array([
+            sum((x * v[index(c)] for c, x in self.mechanism.turns(*end).items()), none)
+            for end in self.joint.points
+        ])  # fmt: skip
 
     def _number(self, frames: Frames, key: str, value: float) -> Term:
         return frames.parameters(f'{self.label}.friction.{key}', value)
@@ -292,6 +297,15 @@ class TeethFriction(JournalFriction):
         arm = f'{1e3 * self.radius:.4g} mm'
         return f'coefficient {self.coefficient:g}, contact {arm} from the pitch point on the mean'
 
+    def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
+        """``mu arm N`` times the rate of one gear against the other [W].
+
+        The force and the moment take other power: of errors, and of teeth that give way.
+        """
+        w1, w2 = self._rates(v)
+        arm = self.coefficient * self.share * self.radius
+        return np.asarray(arm * np.hypot(*force) * np.abs(w2 - w1))
+
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
         """Normal force: the tangential force, of opposite sign where the other flanks bear."""
         joint = self.joint
@@ -363,6 +377,7 @@ class FlankFriction(JointFriction):
         for _, link, at, arm in self._ends:
             for c, turn in self.mechanism.turns(link, at).items():
                 slip = slip + arm * turn * v[index(c)]
+        slip[np.abs(slip) <= TOLERANCES.switches.rest] = 0.0  # held, by less than mu N
         against = self.coefficient * self.arms[1] * np.sign(slip) * np.sign(moment * self.lever)
         return np.asarray(self.coefficient * np.abs(moment / (self.lever - against) * slip))
 

@@ -285,13 +285,13 @@ class Window:
         """The value of a figure, and its resolution."""
         if not self.per_revolution:
             since, until = self._turns.time(self._since), self._turns.time(self._until)
-            if f.of_events:
-                begin = max(since, self._turns.begin)
-                value, note = self._of_events(f, begin, until, last=True)
+            slack, first = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
+            if f.of_events:  # sensors go by all of a run of which this may be a part
+                end = min(until, self._last + slack)
+                value, note = self._of_events(f, max(since, first), end, last=True)
             else:
                 value, note = self._accumulator.result(f)
             # how much of the window the run does not reach, in words
-            slack, first = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
             if since < first - slack:
                 lost = f'from {first:.6g} s on, where what was run begins'
             elif since > self._last - slack:

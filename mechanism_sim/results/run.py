@@ -128,7 +128,7 @@ class Piece(Rich):
     def impact_table(self) -> Table:
         """The impacts as columns (n,), SI units."""
         known = Impacts.of(self.impacts)
-        columns = {n: known.column(n).copy() for n in Impact._fields if n != 'joint'}
+        columns = {n: known.column(n) for n in Impact._fields if n != 'joint'}
         joints = {'joint': np.array(known.joints or [''], str)[known.gaps]}
         return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
 

@@ -15,6 +15,7 @@ import numpy as np
 from mechanism_sim.arguments import public
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import DerivativeLimit, Flows
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
@@ -173,12 +174,13 @@ def horizon(run: Solution) -> Horizon:
     tolerance = max(machine.scene.solver.rtol, float(np.finfo(float).eps))
     added = tolerance * np.eye(flows.count)
     errors, size, t, limit = added, tolerance, math.inf, None
-    begun = curve.begun_by([impact.t for impact in run.impacts])
+    struck = Impacts.of(run.impacts)
+    begun = curve.begun_by(struck.column('t'))
     for first in range(0, n - 1, _WINDOW):
         last = min(first + _WINDOW, n - 1)  # the event that begins it belongs to this window
         end = float(curve.start[last] + curve.duration[last])
         motion = run.motion.between(float(curve.start[first]), end)
-        impacts = [i for i, k in zip(run.impacts, begun, strict=True) if first < k <= last]
+        impacts = struck.where((first < begun) & (begun <= last))
         flow = flows.along(motion, impacts, np.eye(flows.count))
         if limit := next((x for x in flow.limits if x.ends), None):
             break

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -190,6 +191,18 @@ def test_work_that_is_rounding_of_the_energy_is_none():
     view = two.piece.view(np.array([two.start, two.end]))
     assert work.values == (0.0, np.ptp(view.drive_work) * np.sign(np.diff(view.drive_work)[0]))
     assert math.isnan(work.ratio)
+
+
+def test_work_that_is_not_known_is_not_none():
+    """A bag does not say which of several drives gave the impulse in an impact."""
+    part = simulated('four_bar_clearance', {'start': 'centred'}, duration=0.1).between(0.0, 0.09)
+    lacking = [impact._replace(drive_work=math.nan) for impact in part.piece.impacts]
+    balance = part.piece.balance._replace(impacts=lacking)
+    found = compare(replace(part, piece=replace(part.piece, balance=balance)), part)
+    work, lost = (next(d for d in found if d.name == x) for x in ('work of drives', 'dissipated'))
+    assert math.isnan(work.values[0])
+    assert work.values[1] != 0.0
+    assert lost.values[0] == lost.values[1] > 0.0
 
 
 def test_charts_have_the_lines_of_both_runs():

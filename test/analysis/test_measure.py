@@ -55,13 +55,16 @@ def test_measures_of_a_cycle_are_without_the_run_before_it():
         )
 
 
-def test_sensors_of_a_part_of_a_run_went_by_all_of_it():
+@pytest.mark.parametrize(('begin', 'end'), [(0.05, 0.1), (0.02, 0.05)])
+def test_sensors_of_a_part_of_a_run_went_by_all_of_it(begin, end):
     """Their filters know what was before: the samples are those of the whole run."""
     machine = ms.load_scene('slider_crank', {'sensors': {'a': FILTERED}})
     record = ms.open_run(ms.simulate(machine, duration='0.1 s'))
-    (part,) = ms.measure(record.between(0.05, 0.1), 'rms(sensors.a)')
-    (whole,) = ms.measure(record, 'rms(sensors.a, from 50 ms)')
+    part, count = ms.measure(record.between(begin, end), 'rms(sensors.a)', 'count(sensors.a)')
+    (whole,) = ms.measure(record, f'rms(sensors.a, from {begin} s, to {end} s)')
     assert part.value == pytest.approx(whole.value, rel=1e-12)
+    rate = machine.scene.sensors['a'].sample_rate
+    assert count.value == pytest.approx((end - begin) * rate, abs=1.0)
 
 
 @pytest.mark.parametrize(

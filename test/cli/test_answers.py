@@ -67,11 +67,13 @@ def test_a_bag_is_played_from_a_time_with_its_unit_on(capsys):
         ('run', "; did you mean 'run.mcap'?"),
         ('rig.csv', "; did you mean 'rig.xlsx'?"),
         ('other.mcap', ''),
+        ('folder.wav', ''),
     ],
 )
 def test_a_file_that_is_not_there_is_told_with_the_nearest(name, hint, tmp_path, capsys):
     for there in ('run.mcap', 'rig.xlsx', 'runn.txt'):
         (tmp_path / there).touch()
+    (tmp_path / 'folder.csv').mkdir()
     with pytest.raises(SystemExit) as end:
         main(['analyze', str(tmp_path / name)])
     assert end.value.code == 2

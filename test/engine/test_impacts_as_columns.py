@@ -41,6 +41,9 @@ def test_columns_hold_what_single_impacts_have(rattling) -> None:
         if field != 'joint':
             assert impacts.column(field).tolist() == values
             assert type(values[0]) is (bool if field == 'ends_chatter' else float)
+    impacts.column('t')[:] = 0.0  # is nobody else's, and keeps no other columns in memory
+    assert impacts == listed
+    assert impacts.column('t').base is None
     with pytest.raises(IndexError):
         impacts[len(listed)]
     assert pickle.loads(pickle.dumps(impacts)) == listed

@@ -9,6 +9,7 @@ from absolute import differences
 from book_trains import compound_planetary, gear_box, planetary
 from builders import made
 from matplotlib.path import Path as Polygon
+from scipy.integrate import simpson
 from tooth_forces import helical
 from willis import Mesh, Train
 
@@ -272,6 +273,21 @@ def test_torques_of_teeth_with_errors_accelerate_the_shafts(scene, overrides):
         assert seen[f'{which}_torque.mesh'] == pytest.approx(need - other, abs=1e-11 * size)
 
 
+@pytest.mark.parametrize(
+    ('scene', 'overrides'),
+    [('gear_pair', {}), ('mesh_stiffness', {'joints.mesh.elasticity.damping': 0.0})],
+)
+def test_friction_of_teeth_with_errors_is_what_the_brake_does_not_take(scene, overrides):
+    """Couples of errors, and elastic teeth, take power and give it back: it is not lost."""
+    rubbing = {'joints.mesh.error': ERRORS, 'joints.mesh.friction': {'coefficient': 0.1}}
+    run = ms.simulate(loaded(scene, rubbing | overrides), duration=0.002)
+    t = np.linspace(0.0, 0.002, 4001)
+    seen = run.sample(t, 'friction_loss.mesh', 'velocity.wheel')
+    lost = np.diff(run.view(t[[0, -1]]).dissipated) - simpson(0.2 * seen['velocity.wheel'] ** 2, t)
+    assert lost > 0.0
+    assert simpson(seen['friction_loss.mesh'], t) == pytest.approx(lost, rel=1e-6)
+
+
 RUBBING = {'joints.pair.friction': {'coefficient': 0.1}}
 CHAIN = {'joints.belt': {'belt': ['motor', 'fan'], 'radii': [0.04, 0.1],
                          'friction': {'efficiency': 0.95}}}  # fmt: skip
@@ -298,6 +314,18 @@ def test_torques_of_pairs_with_friction_accelerate_the_shafts(scene, joint, over
     torque, change, drive = (seen[name] for name in asked)
     needed = machine.mechanism.body(first).inertia * change
     assert torque == pytest.approx(needed - drive, abs=1e-10 * np.abs(drive).max())
+
+
+def test_at_rest_the_friction_of_a_pair_is_left_out():
+    """Self-locking teeth hold the load; what is left of the speed by rounding has no sign."""
+    drive = {'coordinate': 'worm', 'speed': '100 rpm', 'torque': {'constant': '0.1 N m'}}
+    locking = {'joints.pair.friction': {'coefficient': 0.3}, 'drive': drive}
+    run = ms.simulate(loaded('worm_drive', locking), duration=0.1)
+    names = 'first_torque.pair', 'second_torque.pair', 'velocity.worm', 'friction_loss.pair'
+    seen = run.sample(np.linspace(0.05, 0.1, 11), *names)
+    assert np.abs(seen['velocity.worm']).max() < 1e-9
+    assert seen['first_torque.pair'] == pytest.approx(-seen['second_torque.pair'] / 15.0)
+    assert not seen['friction_loss.pair'].any()
 
 
 def test_two_planets_fit_only_where_their_teeth_find_spaces():
