@@ -17,6 +17,7 @@ from typing import ClassVar
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.joints.mesh.reading import GearReading, read_ratio
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered, slid
@@ -57,7 +58,11 @@ class Transmission(HigherPair):
         return TransmissionClosure(self, mechanism)
 
     def reading(self, view: PairView) -> GearReading:
-        """Motion and torques; of links that slide the forces along their guides.
+        """Motion and torques; of links that slide the forces along their guides."""
+        return read_ratio(self, self.efforts(view), view)
+
+    def efforts(self, view: PairView) -> tuple[Array, Array]:
+        """Torques (N,) [N m] on both, or forces [N] along their guides.
 
         Both give together the power that friction takes; at rest it is not known, and left out.
         """
@@ -71,7 +76,7 @@ class Transmission(HigherPair):
         carrier = view.turning(self.carrier).velocity
         rate = view.trajectory(self.first, self.on_first).velocity - carrier
         lost = np.divide(view.friction_loss, rate, out=np.zeros_like(rate), where=rate != 0.0)
-        return read_ratio(self, (-float(self.ratio) * second - lost, second), view)
+        return -float(self.ratio) * second - lost, second
 
     @property
     def waves(self) -> tuple[int, int]:

@@ -15,7 +15,6 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import SpatialPair
-from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import PairView
 
 
@@ -91,12 +90,10 @@ class WormDrive(SpatialPair):
     ----------
     worm : sizes of the pair
     hand : 1 right, -1 left
-    friction : Coulomb's coefficient
     """
 
     worm: WormPair = _UNIT
     hand: int = 1
-    friction: float = 0.0
 
     @property
     def radii(self) -> tuple[float, float]:
@@ -112,21 +109,10 @@ class WormDrive(SpatialPair):
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Forces beside the tangential one: the axial force on one is tangential on the other.
 
-        The normal force F and ``mu F`` against the sliding along the thread, which the worm's turn
-        begins with, make both; at rest friction is not known and left out.
+        Both together, with friction or without, leave the force normal to the flanks.
         """
-        lead, press, hand = self.worm.lead_angle, self.worm.pressure_angle, self.hand
-        if not self.friction:
-            apart = np.abs(tangential) * math.tan(press) / math.cos(lead)
-            around = -hand * math.tan(lead) * tangential
-            first = -float(self.ratio) * view.moment / self.radii[0]
-            return first, apart, tangential, apart, around
-        speed = view.turning(self.first)[1]
-        if self.carrier != GROUND:
-            speed = speed - view.turning(self.carrier)[1]
-        mu = self.friction * np.sign(speed) * np.sign(tangential)
-        across = math.cos(press)
-        F = tangential / (across * math.cos(lead) - hand * mu * math.sin(lead))
-        around = -F * (hand * across * math.sin(lead) + mu * math.cos(lead))
-        apart = np.abs(F) * math.sin(press)
+        lead, press = self.worm.lead_angle, self.worm.pressure_angle
+        around = self.efforts(view)[0] / self.radii[0]
+        across = tangential * math.cos(lead) - self.hand * around * math.sin(lead)
+        apart = np.abs(across) * math.tan(press)
         return around, apart, tangential, apart, around

@@ -49,7 +49,6 @@ class WormKeys(SpatialKeys):
         return WormDrive(
             name, a, b, on_a, on_b, Fraction(hand * threads, teeth), self.phase,
             carrier_of(names, name, self), *placed(self), sizes, hand,
-            self.friction.coefficient if self.friction else 0.0,
         )  # fmt: skip
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:

@@ -322,10 +322,11 @@ def test_at_rest_the_friction_of_a_pair_is_left_out():
     locking = {'joints.pair.friction': {'coefficient': 0.3}, 'drive': drive}
     run = ms.simulate(loaded('worm_drive', locking), duration=0.1)
     names = 'first_torque.pair', 'second_torque.pair', 'velocity.worm', 'friction_loss.pair'
-    seen = run.sample(np.linspace(0.05, 0.1, 11), *names)
+    seen = run.sample(np.linspace(0.05, 0.1, 11), *names, 'axial_force.pair')
     assert np.abs(seen['velocity.worm']).max() < 1e-9
     assert seen['first_torque.pair'] == pytest.approx(-seen['second_torque.pair'] / 15.0)
     assert not seen['friction_loss.pair'].any()
+    assert seen['axial_force.pair'] == pytest.approx(seen['first_torque.pair'] / 0.01)
 
 
 def test_two_planets_fit_only_where_their_teeth_find_spaces():
