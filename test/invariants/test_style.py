@@ -1,4 +1,4 @@
-"""Rules of style that no linter has: names of classes, their size, first words of docstrings."""
+"""Rules of style that no linter has: names and sizes of classes, docstrings, lines of mutants."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from mutants import MUTANTS
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(
@@ -111,3 +112,9 @@ def test_the_counts_see_what_is_there():
     assert not may_be_large(f'class A:\n    def f(self):\n{stored}')
     assert may_be_large(f'class A:\n    y: int\n    def f(self):\n{stored}')
     assert may_be_large('class A:\n' + '    def f(self): ...\n' * (MOST_METHODS + 1))
+
+
+def test_every_mutant_is_of_a_line_that_stands_once_in_its_file():
+    """`python -m test.mutants`, which takes long and is seldom run, ends at another."""
+    texts = {m: (ROOT / 'mechanism_sim' / m.file).read_text(encoding='utf-8') for m in MUTANTS}
+    assert [m[:2] for m, text in texts.items() if text.count(m.right) != 1] == []
