@@ -384,7 +384,7 @@ def test_check_tells_a_singular_position_from_more_freedom():
         ({'revolutions': 1, 'duration': 1}, 'either revolutions or a duration'),
         ({'duration': -1}, 'must be positive and finite, not -1'),
         ({'revolutions': 0}, 'must be positive and finite, not 0'),
-        ({'duration': float('nan')}, 'must be positive and finite'),
+        ({'duration': float('nan')}, 'duration = nan is not a number'),
         ({'duration': float('inf')}, 'must be positive and finite'),
     ],
 )
