@@ -59,6 +59,7 @@ def test_lists_of_impacts_are_columns_too() -> None:
     assert known.exchange.tolist() == [[0.0, 0.0], [0.8, 0.01]]
     more = STRIKE._replace(joint='other')
     assert Impacts.joined([known, [], [more], known]) == [TOUCH, STRIKE, more, TOUCH, STRIKE]
+    assert known + known[1:] == [STRIKE][:0] + known + [STRIKE] == [TOUCH, STRIKE, STRIKE]
     assert Impacts.joined([]) == Impacts() == []
     assert known != [STRIKE, TOUCH]
 
