@@ -15,6 +15,7 @@ from mechanism_sim.planar.gaps import with_turning
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Point
 from mechanism_sim.planar.protocols import ForceLaw, Load, Wrench, contact_wrench
+from mechanism_sim.tolerances import TOLERANCES
 
 
 @dataclass(frozen=True)
@@ -152,8 +153,9 @@ class FilmBearing:
         motion = JournalMotion(*map(dense, (x.value, y.value, x.rate, y.rate)), *spins)
         if not self.film.full:
             # where the journal turns back the half that carries changes sides, and its force has a
-            # corner, or nearly so, which no series foretells
-            frames.switch(f'{self.name}.film', self.film.turning(motion))
+            # corner, or nearly so, which no series foretells; the rounding of a rest is no turn
+            turning = TOLERANCES.guards.slip_scale * self.film.turning(motion)
+            frames.switch(f'{self.name}.film', turning + 0.5 * TOLERANCES.switches.margin)
         if not (self.reach and self.soft):
             return motion
         c, closed = self.film.clearance, p.reserve(f'{self.name}.closed')
