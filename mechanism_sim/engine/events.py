@@ -19,7 +19,7 @@ from mechanism_sim.engine.contact.problem import (
     SLIDES_FORWARD,
     STICKS,
 )
-from mechanism_sim.errors import RunError
+from mechanism_sim.errors import RunError, check_known
 
 
 class Mode(IntEnum):
@@ -98,6 +98,7 @@ class Impact(NamedTuple):
 
 _FIELDS = {name: k for k, name in enumerate(Impact._fields)}
 _JOINT, _ENDS = _FIELDS['joint'], _FIELDS['ends_chatter']
+_NUMBERS = {name: k for name, k in _FIELDS.items() if k != _JOINT}
 
 
 class Impacts(Sequence[Impact]):
@@ -146,8 +147,15 @@ class Impacts(Sequence[Impact]):
         return self.rows[:, _JOINT].astype(np.intp)
 
     def column(self, field: str) -> Array:
-        """A field (n,) of all impacts, other than their joints: its own array."""
-        return self.rows[:, _FIELDS[field]].copy()
+        """A field (n,) of all impacts, in the unit that `Impact` has: its own array.
+
+        Raises
+        ------
+        InputError
+            If it is no field of numbers; joints are `joints` at `gaps`.
+        """
+        check_known(field, _NUMBERS, f"impacts have no column of numbers '{field}'", 'they have')
+        return self.rows[:, _NUMBERS[field]].copy()
 
     def with_column(self, field: str, values: Array) -> Self:
         """The impacts with another field (n,)."""

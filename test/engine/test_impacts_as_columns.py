@@ -44,6 +44,12 @@ def test_columns_hold_what_single_impacts_have(rattling) -> None:
     impacts.column('t')[:] = 0.0  # is nobody else's, and keeps no other columns in memory
     assert impacts == listed
     assert impacts.column('t').base is None
+    for wrong, said in (
+        ('normal_impuls', "did you mean 'normal_impulse'"),
+        ('joint', 'they have t,'),
+    ):
+        with pytest.raises(ms.InputError, match=said):
+            impacts.column(wrong)
     with pytest.raises(IndexError):
         impacts[len(listed)]
     assert pickle.loads(pickle.dumps(impacts)) == listed
