@@ -24,6 +24,7 @@ from mechanism_sim import output
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.packages import needed, spared
 from mechanism_sim.terminal import print_notice
+from mechanism_sim.units import durations
 
 ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
 
@@ -447,7 +448,7 @@ def _cells(values: NDArray[Any]) -> NDArray[Any] | list[str]:
     if values.dtype.kind in 'biuf':
         return values.astype(float)
     if values.dtype.kind == 'm':  # durations
-        return np.asarray(values / np.timedelta64(1, 's'))
+        return np.asarray(durations(values))
     if values.dtype.kind == 'M':
         values = values.astype('M8[us]')  # of finer ones Python has plain numbers
     return [str(_plain(x)) for x in values]

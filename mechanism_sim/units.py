@@ -219,8 +219,16 @@ def plain(value: Any) -> Any:
     if hasattr(value, 'to_numpy'):
         value = value.to_numpy()
     if (dtype := getattr(value, 'dtype', None)) is not None and dtype.kind == 'm':
-        return _with_unit((value / dtype.type(1, 's')).tolist(), 's')
+        return _with_unit(durations(value).tolist(), 's')
     return value.tolist() if hasattr(value, 'tolist') else value
+
+
+def durations(values: Any) -> Any:
+    """Time differences of NumPy as its numbers [s]."""
+    try:
+        return values / values.dtype.type(1, 's')
+    except TypeError:  # NumPy has no days of a month
+        raise InputError(f'a time in months or years has no length in seconds: {values}') from None
 
 
 def _with_unit(numbers: Any, unit: str) -> Any:

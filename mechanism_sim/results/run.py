@@ -35,7 +35,7 @@ from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 from mechanism_sim.tables import Table
-from mechanism_sim.units import argument
+from mechanism_sim.units import argument, durations
 
 _SENSORS = 'sensors.'
 """Prefix of the name of a sensor, as in measures."""
@@ -69,7 +69,7 @@ def seconds_of(t: Any) -> Array:
     """
     given = np.atleast_1d(np.asarray(t))
     if given.dtype.kind == 'm':
-        return np.asarray(given / np.timedelta64(1, 's'))
+        return np.asarray(durations(given))
     if given.dtype.kind in 'US' or given.dtype == object:
         given = np.array([argument('t', x, 's') for x in given.ravel().tolist()])
     if given.dtype.kind not in 'iuf':
