@@ -138,6 +138,24 @@ class Table(dict[str, NDArray[Any]]):
         return needed('polars').DataFrame(dict(self))
 
 
+class Tabular:
+    """Results that show themselves by the table of their columns."""
+
+    def columns(self) -> list[Column]:
+        """Columns of the table."""
+        raise NotImplementedError
+
+    def table(self) -> Table:
+        """The columns as arrays."""
+        return Table.of(self.columns())
+
+    def __repr__(self) -> str:
+        return f'<{type(self).__name__}: {self.table()!r}>'
+
+    def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+
 def _type_of(values: Sequence[Any] | NDArray[Any]) -> type:
     """The type of a column in memory: as in files, whole numbers are such if all are."""
     if any(isinstance(value, str) for value in values):

@@ -23,15 +23,15 @@ from mechanism_sim.studies.bifurcation import (
 )
 from mechanism_sim.studies.parameters import Parameter, Vary, read_counted
 from mechanism_sim.studies.runs import Call, Show, Workers
-from mechanism_sim.tables import Column, Table
+from mechanism_sim.tables import Column, Tabular
 from mechanism_sim.units import unrounded
 
 _NUMBER = re.compile(r'[-+]?\d[\d.]*(e[-+]?\d+)?')
 """Reasons why there is no response are one kind, whatever the numbers in them."""
 
 
-@dataclass(frozen=True, eq=False)
-class Basins:
+@dataclass(frozen=True, eq=False, repr=False)
+class Basins(Tabular):
     """The response at every place of a grid over two keys.
 
     Attributes
@@ -69,10 +69,6 @@ class Basins:
                    'turns of the drive; 0: none found'),
             Column('impacts', [cell[2].impacts for cell in self.cells], '', 'per turn'),
         ]  # fmt: skip
-
-    def table(self) -> Table:
-        """The columns as arrays."""
-        return Table.of(self.columns())
 
 
 @public

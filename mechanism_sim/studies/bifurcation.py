@@ -32,7 +32,7 @@ from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter, Vary, parameters, read_counted
 from mechanism_sim.studies.periodic import CLOCK, without_turns
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
-from mechanism_sim.tables import Column, Table
+from mechanism_sim.tables import Column, Tabular
 from mechanism_sim.units import unrounded
 
 _OF_IMPACTS = {
@@ -136,8 +136,8 @@ class Response:
     settled: bool = True
 
 
-@dataclass(frozen=True, eq=False)
-class Bifurcation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bifurcation(Tabular):
     """Responses over a parameter, in the order of values; see `Response`.
 
     Attributes
@@ -159,10 +159,6 @@ class Bifurcation:
     def coexisting(self) -> list[float]:
         """Values at which several responses were found."""
         return sorted({r.value for r in self.responses if r.number})
-
-    def table(self) -> Table:
-        """A row for each point of each section."""
-        return Table.of(self.columns())
 
     def columns(self) -> list[Column]:
         """The columns of the table."""

@@ -54,7 +54,7 @@ from mechanism_sim.studies.goal import EQUAL, Goal, read_bound
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, compute
-from mechanism_sim.tables import Column, Table
+from mechanism_sim.tables import Column, Tabular
 from mechanism_sim.units import argument, to_si_like
 
 PLACES = 180
@@ -114,8 +114,8 @@ class LifeStage:
     figures: dict[str, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Life:
+@dataclass(frozen=True, eq=False, repr=False)
+class Life(Tabular):
     """The life of a machine's bearings.
 
     Attributes
@@ -168,10 +168,6 @@ class Life:
         for name, unit in self.units.items():
             every.append(Column(name, [s.figures[name] for s in stages], unit, 'of the run'))
         return every
-
-    def table(self) -> Table:
-        """Columns of the life as a table of arrays."""
-        return Table.of(self.columns())
 
 
 class _Rates(NamedTuple):

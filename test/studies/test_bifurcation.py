@@ -214,6 +214,8 @@ def test_which_start_leads_to_which_response():
     assert found.kinds[kinds[True, True]].period == 2
     table = found.table()
     assert len(table['response']) == 4
+    assert repr(found) == f'<Basins: {table!r}>'
+    assert found._repr_html_() == table._repr_html_()
 
 
 def test_starts_that_cannot_be_are_a_kind_of_their_own():
