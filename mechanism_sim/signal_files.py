@@ -206,9 +206,11 @@ def is_signal_file(path: Path | str) -> bool:
 def refuse_signals(path: Path | str, kind: str) -> None:
     """Refuse a file of signals, or another table, where another `kind` is wanted."""
     if is_signal_file(path) and path_of(path).is_file():
+        table = kind == 'scene' and path_of(path).suffix.lower() == '.csv'
+        joints = ", and 'mechanism-sim import' makes a scene of a table of joints" if table else ''
         raise InputError(
             f"'{path}' is a file of signals, not a {kind}: 'mechanism-sim analyze' and "
-            "'mechanism-sim plot' read it"
+            f"'mechanism-sim plot' read it{joints}"
         )
 
 

@@ -31,6 +31,8 @@ MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Sc
 Model = TypeVar('Model', bound=BaseModel)
 
 _ENDINGS = '.yaml', '.yml'
+_IMPORTED = '.dxf', '.sdf', '.svg', '.urdf', '.xml'
+"""Endings of files of other programs, of which `imports` makes scenes."""
 _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
 
 
@@ -111,6 +113,11 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
         is_file = is_other = False
     if is_file:
         refuse_signals(path, kind)
+        if path.suffix.lower() in _IMPORTED:
+            raise InputError(
+                f"'{path}' is a file of another program, not a {kind}: 'mechanism-sim import "
+                f"{path} -o {path.stem}.yaml' makes a scene of it"
+            )
         return path
     known = sorted(path.stem for path in folder.glob('*.yaml'))
     if is_other and name not in known:  # a pipe

@@ -11,6 +11,8 @@ from running import run
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports import import_machine
+from mechanism_sim.imports.formats import READERS
+from mechanism_sim.scene.files import find_scene
 
 INPUTS = Path(__file__).parents[1] / 'cases/inputs'
 URDF = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
@@ -314,3 +316,13 @@ def test_parts_of_an_mjcf_that_are_left_out_have_a_note(tmp_path, text, words):
     file = tmp_path / 'm.xml'
     file.write_text(MJCF.format('name="j"', text))
     assert any(words in note for note in import_machine(file).notes)
+
+
+@pytest.mark.parametrize('ending', sorted({*READERS} - {'.json'}))  # YAML may be JSON
+def test_a_file_of_another_program_is_no_scene_and_the_command_that_takes_it_is_named(
+    tmp_path, ending
+):
+    file = tmp_path / f'm{ending}'
+    file.write_text(MJCF.format('name="j"', ''))
+    with pytest.raises(InputError, match='not a scene: .*mechanism-sim import'):
+        find_scene(str(file))
