@@ -327,7 +327,7 @@ def test_durations_of_python_numpy_and_pandas_are_in_seconds():
             to_si(ten, 'm')
     assert plain(np.array([[1, 2]], 'm8[s]')) == [['1.0 s', '2.0 s']]
     assert plain(pandas.Series(pandas.to_timedelta([1, 2], unit='ms'))) == ['0.001 s', '0.002 s']
-    with pytest.raises(ValueError, match='a time in months or years has no length .*: 2 months'):
+    with pytest.raises(ValueError, match=r'a time in months or years has no length .*: 2 months'):
         to_si(np.timedelta64(2, 'M'), 's')
 
 

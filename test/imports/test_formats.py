@@ -324,5 +324,5 @@ def test_a_file_of_another_program_is_no_scene_and_the_command_that_takes_it_is_
 ):
     file = tmp_path / f'm{ending}'
     file.write_text(MJCF.format('name="j"', ''))
-    with pytest.raises(InputError, match='not a scene: .*mechanism-sim import'):
+    with pytest.raises(InputError, match=r'not a scene: .*mechanism-sim import'):
         find_scene(str(file))
