@@ -71,10 +71,10 @@ def load_scene(
     try:
         return build(given.name, check_scene(given.file, content), questions)
     except InputError as error:
-        of_links = [question for question in questions if question.startswith('links.')]
-        if not of_links:
+        shape = [question for question in questions if question.startswith(('links.', 'joints.'))]
+        if not shape:
             raise
-        raise InputError(f'{error}; {of_links[0]}') from error
+        raise InputError(f'{error}; {shape[0]}') from error
 
 
 def unit_at(scene: Scene, path: str) -> str:

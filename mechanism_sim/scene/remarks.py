@@ -105,14 +105,23 @@ def length_questions(content: Mapping[str, Any]) -> Iterator[str]:
 def angle_questions(content: Mapping[str, Any]) -> Iterator[str]:
     """Questions about angles of more than a turn without a unit, as 60 where 60 deg is meant.
 
+    And about guides with an angle, but without the axis along which they slide.
+
     Parameters
     ----------
     content : as for `length_questions`
     """
     joints = content.get('joints')
-    pairs = joints.values() if isinstance(joints, Mapping) else ()
-    slide = [p['prismatic'] for p in pairs if isinstance(p, Mapping) and 'prismatic' in p]
-    ends = {str(end).partition('.')[0] for pair in slide if isinstance(pair, list) for end in pair}
+    joints = joints if isinstance(joints, Mapping) else {}
+    slide = {n: p for n, p in joints.items() if isinstance(p, Mapping) and 'prismatic' in p}
+    pairs = [p['prismatic'] for p in slide.values() if isinstance(p['prismatic'], list)]
+    ends = {str(end).partition('.')[0] for pair in pairs for end in pair}
+    for name, part in slide.items():
+        if part.get('axis') is None and _is_angle(part.get('angle')):
+            yield (
+                f'joints.{name} slides along 0 deg of its first link, and its angle turns only '
+                'what slides: is the axis meant?'
+            )
     for path, value in _plain_numbers(content):
         *_, key = path
         start = path[:-1] in (('guess',), ('initial', 'position')) and key not in ends
@@ -121,6 +130,13 @@ def angle_questions(content: Mapping[str, Any]) -> Iterator[str]:
                 f'{".".join(path)} = {value:g}: angles without a unit are in radians, this one is '
                 f'{math.degrees(value):.6g} deg: is the unit right?'
             )
+
+
+def _is_angle(value: Any) -> bool:
+    """True for an angle other than 0; what is none is refused elsewhere."""
+    with suppress(ValueError, TypeError):
+        return to_si(value, 'rad') != 0.0
+    return False
 
 
 def _plain_numbers(part: Any, *path: str) -> Iterator[tuple[tuple[str, ...], float]]:

@@ -9,6 +9,7 @@ from builders import made
 from running import one_of
 
 import mechanism_sim as ms
+from mechanism_sim.errors import InputError
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.files import find_scene, overridden, read_yaml
 from mechanism_sim.scene.remarks import (
@@ -291,6 +292,22 @@ def test_degrees_in_a_guess_are_questioned_but_not_metres_of_what_slides():
     assert len([*angle_questions(scene | {'guess': {'rod': -12.6, 'piston': 7.0}})]) == 1
     assert not [x for name in ms.scene_names()
                 for x in angle_questions(read_yaml(find_scene(name), 'scene'))]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('keys', 'asked'), [({'angle': '90 deg'}, 1), ({'angle': 0}, 0),
+                        ({'angle': '90 deg', 'axis': '90 deg'}, 0)]
+)  # fmt: skip
+def test_a_guide_with_an_angle_instead_of_an_axis_is_questioned(keys, asked):
+    scene = read_yaml(find_scene('slider_crank'), 'scene')
+    guide = {'prismatic': ['ground.rail', 'piston'], **keys}
+    asks = 'joints.ground_piston slides along 0 deg of its first link, and its angle turns only'
+    far = scene['links'] | {'ground': {'points': {'rail': ['0 m', '1 m']}}}
+    turned = scene | {'links': far, 'joints': scene['joints'] | {'ground_piston': guide}}
+    assert sum(question.startswith(asks) for question in angle_questions(turned)) == asked
+    if asked:
+        with pytest.raises(InputError, match=f'cannot be assembled.*; {asks}'):
+            ms.load_scene(turned)
 
 
 @pytest.mark.parametrize(('axis', 'asks'), [('along', True), ('across', False), ('60 deg', False)])
