@@ -108,14 +108,17 @@ def validate_loose(machine: Machine, what: str) -> None:
 
 
 def _turns_steadily(machine: Machine) -> bool:
-    """True if the main drive rotates at constant speed, with any further drives."""
-    turns = machine.plan.main not in machine.mechanism.displacements
-    return turns and machine.drive.steady and not machine.rigid.torque_driven
+    """True if the main drive rotates at constant speed, with any further drives; all follows."""
+    return _rotates(machine) and not machine.rigid.torque_driven
+
+
+def _rotates(machine: Machine) -> bool:
+    return machine.plan.main not in machine.mechanism.displacements and machine.drive.steady
 
 
 def turns_round(machine: Machine) -> bool:
-    """True if the main drive turns at constant speed, and can for a turn."""
-    if not _turns_steadily(machine):
+    """True if the main drive turns at constant speed, and can for a turn; all else may be free."""
+    if not _rotates(machine):
         return False
     try:
         _check_way(machine, machine.drive.period)

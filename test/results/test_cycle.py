@@ -38,6 +38,14 @@ def nominal():
     )
 
 
+@pytest.mark.parametrize('scene', ['differential', 'torsional_shaft', 'unbalanced_machine'])
+def test_a_cycle_is_a_turn_of_a_steady_shaft_whatever_else_is_free(scene):
+    """Not as long as the scene's run is."""
+    machine = ms.load_scene(scene)
+    assert machine.scene.duration > 2.0 * machine.drive.period
+    assert ms.cycle(machine).duration == pytest.approx(machine.drive.period, rel=1e-12)
+
+
 def test_a_cycle_goes_over_the_names_of_its_table(nominal):
     """It asked for the column 0."""
     assert list(nominal) == list(nominal.table())
