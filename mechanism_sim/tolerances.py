@@ -153,8 +153,8 @@ class ContactTolerances(NamedTuple):
     set_down: float = 0.01
     #: [m/s] sliding speed below which the direction of an oil film's flow is undefined
     film_rest: float = 1e-12
-    #: [J] that an impact may create by rounding
-    energy_gain: float = 1e-15
+    #: share of the normal impulses times their approach, which impacts may create by rounding
+    energy_gain: float = 1e-12
     #: imaginary part of a root in [-1, 1] that is real but for rounding
     real_root: float = 1e-9
     #: share of the clearance: a pin so near to the centre has no direction

@@ -28,7 +28,8 @@ class Totals:
         self._gains = 0
         self._made = 0.0
         self._instant = float('-inf')
-        self._gain = 0.0  # at the last instant of impacts, which the next batch may go on with
+        # at the last instant of impacts, which the next batch may go on with; and their works
+        self._gain = self._work = 0.0
 
     def __repr__(self) -> str:
         return (
@@ -44,14 +45,16 @@ class Totals:
             c.previous > Mode.FREE_FLIGHT and c.mode == Mode.FREE_FLIGHT for c in changes
         )
         known = Impacts.of(impacts)
-        columns = (known.column(x).tolist() for x in ('t', 'normal_impulse', 'energy_loss'))
-        for t, impulse, loss in zip(*columns, strict=True):
+        names = 't', 'normal_impulse', 'approach_speed', 'energy_loss'
+        columns = (known.column(x).tolist() for x in names)
+        for t, impulse, approach, loss in zip(*columns, strict=True):
             self.normal_impulse += impulse
             self.largest_impulse = max(self.largest_impulse, impulse)
             if t > self._instant:
                 self._gains, self._made = self.gains
-                self._instant, self._gain = t, 0.0
+                self._instant, self._gain, self._work = t, 0.0, 0.0
             self._gain -= loss
+            self._work += impulse * approach
 
     @property
     def gains(self) -> tuple[int, float]:
@@ -59,6 +62,6 @@ class Totals:
 
         Contacts in one impact pass energy to each other; only their sum says what was made.
         """
-        if self._gain > _CONTACTS.energy_gain:
+        if self._gain > _CONTACTS.energy_gain * self._work:
             return self._gains + 1, self._made + self._gain
         return self._gains, self._made

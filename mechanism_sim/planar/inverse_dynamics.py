@@ -34,7 +34,7 @@ from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
 from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.tolerances import TOLERANCES
 
-_SWITCHES = TOLERANCES.switches
+_JOINT_FRICTION, _SWITCHES = TOLERANCES.joint_friction, TOLERANCES.switches
 
 
 class Observation(NamedTuple):
@@ -362,15 +362,22 @@ class InverseDynamics:
         m, count = len(self._frictional_joints), motion.shape[1]
         none = np.zeros((m, count))
         *_, (*_, start, numbers, ways, rates, onward) = self._solved(motion, none, rows)
-        ways = np.where(
-            (np.abs(rates) <= _SWITCHES.rest) & (np.abs(onward) <= _SWITCHES.rest), 0.0, ways
-        )
+        size = self.mechanism.size
+        turns = np.array([x.friction.unit == 'N m' for x in self._frictional_joints])[:, None]
+        rest = _SWITCHES.rest * np.where(turns, 1.0, size)
+        ways = np.where((np.abs(rates) <= rest) & (np.abs(onward) <= rest), 0.0, ways)
+        known = np.isfinite(start).all(axis=0)
+        largest = np.abs(start, where=known, out=np.zeros_like(start)).max(axis=0)
+        # small forces of links that are heavy, or have no mass, make friction as all others do
+        least = np.where(largest > 0.0, _JOINT_FRICTION.resolution * largest, np.inf)
+        numbers[1::2] = np.minimum(numbers[1::2], least)
+        # forces are linear in T: differences by one as large as they are lose no digits
+        steps = np.ldexp(1.0, np.frexp(np.where(turns, size, 1.0) * largest)[1])
         slopes = []
         for k in range(m):
             unit = none.copy()
-            unit[k] = 1.0
-            slopes.append(self._solved(motion, unit, rows)[2][3] - start)
-        known = np.isfinite(start).all(axis=0)
+            unit[k] = steps[k]
+            slopes.append((self._solved(motion, unit, rows)[2][3] - start) / steps[k])
         T, sound = solve_friction(
             start[:, known], np.array(slopes)[:, :, known], numbers[:, known], ways[:, known],
             self._sizes,

@@ -377,7 +377,8 @@ class FlankFriction(JointFriction):
         for _, link, at, arm in self._ends:
             for c, turn in self.mechanism.turns(link, at).items():
                 slip = slip + arm * turn * v[index(c)]
-        slip[np.abs(slip) <= TOLERANCES.switches.rest] = 0.0  # held, by less than mu N
+        rest = TOLERANCES.switches.rest * self.mechanism.size
+        slip[np.abs(slip) <= rest] = 0.0  # held, by less than mu N
         against = self.coefficient * self.arms[1] * np.sign(slip) * np.sign(moment * self.lever)
         return np.asarray(self.coefficient * np.abs(moment / (self.lever - against) * slip))
 

@@ -99,6 +99,18 @@ def test_totals_count_contacts_that_strike_together_as_one_wherever_batches_end(
         assert totals.losses_of_contact == 0
 
 
+@pytest.mark.parametrize('size', [1e-20, 1.0, 1e12])
+def test_gains_are_told_from_rounding_in_machines_of_any_size(size):
+    def gained(share):
+        totals = Totals()
+        args = (1.0, 'pin', 0.0, 1.0, 0.5, size, 0.0, -share * size, 0.0, 0.0)
+        totals.add([Impact(*args, ends_chatter=False)], [])
+        return totals.gains
+
+    assert gained(1e-6) == (1, 1e-6 * size)
+    assert gained(1e-15) == (0, 0.0)
+
+
 def test_a_piece_can_be_sampled_like_the_whole(whole, pieces):
     for piece in pieces[1::2]:
         c = piece.motion.curve

@@ -161,6 +161,39 @@ def test_a_wedge_lifts_and_lowers_and_holds(mu):
     assert (lifted(mu, -1.0) < 0.0) == (mu > math.tan(math.radians(10.0)))
 
 
+@pytest.mark.parametrize('mass', [0.0, 3.0])
+@pytest.mark.parametrize('load', [1e-9, 1.0, 1e12])
+def test_a_wedge_lifts_any_load_alike(load, mass):
+    """Of links without mass or with mass, which creep and have no weight here."""
+    scene = variant('wedge', {
+        'loads.weight.force': [0.0, -load], 'drive.speed': 1e-6,
+        'links.wedge.mass': mass, 'links.follower.mass': mass,
+    })  # fmt: skip
+    force = ms.cycle(made(scene, 'wedge'), duration=1.0)['drive_torque']
+    assert force * (1000.0 / load) == pytest.approx(lifted(0.1), rel=1e-13)
+
+
+def test_a_slider_a_micrometre_long_rubs_however_slowly_it_moves():
+    """At a turn in a week it slides by 1e-11 m/s; its friction goes by its force alone."""
+    losses = []
+    for size, speed in ((1e-6, '1e-5 rad/s'), (1.0, '1 rad/s')):
+        rubs = {'coefficient': 0.2}
+        machine = made({
+            'links': {'crank': {'length': size, 'mass': 0.0},
+                      'rod': {'length': 3.0 * size, 'mass': 0.0}, 'block': {'mass': 0.0}},
+            'joints': {'ground_crank': {'revolute': ['ground', 'crank']},
+                       'crank_rod': {'revolute': ['crank.end', 'rod']},
+                       'rod_block': {'revolute': ['rod.end', 'block']},
+                       'guide': {'prismatic': ['ground', 'block'], 'friction': rubs}},
+            'loads': {'across': {'at': 'block', 'force': [0.0, -1.0]}},
+            'drive': {'coordinate': 'crank', 'speed': speed}, 'gravity': [0.0, 0.0],
+            'guess': {'rod': 0.0, 'block': 4.0 * size},
+        })  # fmt: skip
+        losses.append(ms.cycle(machine)['drive_torque'] / size)
+    assert losses[0] == pytest.approx(losses[1], rel=1e-12, abs=1e-12)
+    assert np.abs(losses[1]).max() > 0.1
+
+
 def test_a_wedge_that_its_follower_drives_locks():
     """tan(20 deg) = 0.364 is the least friction of the face alone that does."""
     for mu, locks in ((0.35, False), (0.38, True)):
