@@ -45,7 +45,7 @@ _BRACKET = re.compile(r'[^/]*[\[(]')
 _FRAME = re.compile(r'\s*(?:TABLE_?(BEGIN|END)|(BEGIN|END)_?TABLE)\b', re.IGNORECASE)
 _REMARK = re.compile(r'^([-+\d.,;\sEe]*\d)[;\s]+(//|#\s).*')  # behind numbers only
 _EXCEL = re.compile(r'"?sep=([;,|\t])"?', re.IGNORECASE)
-MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
+MISSING = '', 'nan', 'na', 'n/a', '#n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
 _WITH_UNIT = re.compile(r'(?:[^\s"\[(]+\s*)?[\[(][^\])]*[\])]')
 _AMBIGUOUS = 't', 'in', 'min', 'bar'
@@ -275,10 +275,9 @@ def _check_names(names: Sequence[str], where: str) -> None:
 
 def _check_count(count: int, where: str, most: int) -> None:
     if count > most:
-        raise InputError(
-            f'{where} has {count} points: allowed are {most}; take every '
-            f'{math.ceil(count / most)}th'
-        )
+        # of a signal between others, what lies above half of their rate would be taken for less
+        advice = 'take a part' if most > MOST else f'take every {math.ceil(count / most)}th'
+        raise InputError(f'{where} has {count} points: allowed are {most}; {advice}')
 
 
 def _open(unit: str) -> str:
@@ -340,6 +339,8 @@ def _rows(path: Path, data: bytes, where: str) -> tuple[str, list[tuple[int, lis
             # of headings a name and its unit are one cell
             texts = [line.replace('\t', ' ') for line in texts]
             mark, texts = ' ', [_WITH_UNIT.sub(r'"\g<0>"', line.strip()) for line in texts]
+        if mark == ',' and _is_one_column(texts):
+            mark = ';'
         reader = csv.reader(texts, delimiter=mark, skipinitialspace=True)
         rows = [(kept[min(reader.line_num, len(kept)) - 1] + 1, row) for row in reader]
         if framed:  # behind its numbers stands the kind of a segment
@@ -389,6 +390,11 @@ def _are_spaced(lines: Sequence[str], mark: str, first: str) -> bool:
     return mark == ',' and all(
         len(x) > 1 and all(_is_number(y) and y[0] != ',' for y in x) for x in cells
     )
+
+
+def _is_one_column(lines: Sequence[str]) -> bool:
+    """True of numbers with decimal commas, one in a line: no whole ones, which begin without 0."""
+    return all(map(_DECIMAL_COMMA.fullmatch, lines)) and any(re.search(r',0\d', x) for x in lines)
 
 
 def _headings_at(lines: Sequence[str]) -> int:

@@ -19,8 +19,6 @@ import re
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
-from datetime import time as clock
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -44,6 +42,7 @@ _JITTER = 1e-3
 _COARSEST = 0.2
 """Share of that interval to which times may be rounded: else samples coincide."""
 _DIGITS = re.compile(r'[-+]?\d*(?:\.(\d*))?(?:[eE]([-+]?\d+))?')
+_DATE = re.compile(r'\s*(\d{1,4}([-/. ])(\d{1,2}|[A-Za-z]{3,9})\2\d{1,4}(?!\d)|\d{1,2}:\d\d)')
 _LOOKS = 1000  # cells in which digits are counted
 GRAVITY = QuantityValue(9.80665, 'm/s^2')
 GRAVITIES = 'g', 'gn', 'g_0'
@@ -84,7 +83,7 @@ class ChannelSamples:
     def _sampling(self) -> tuple[float | None, float | None]:
         gaps, count = np.diff(self.times), self._intervals
         mean = float(gaps.sum() / count.sum()) if count.sum() else 0.0
-        if not mean:
+        if not mean or not count.all():  # or two samples at one time, but for rounding
             return None, None
         if np.abs(gaps - count * mean).max() <= _JITTER * mean:
             return 1.0 / mean, None
@@ -185,11 +184,12 @@ def read_signals(
         raise InputError(f'{path} does not exist{nearest_file(path, [*READERS])}')
     if full_scale and reader is not _wav:
         raise InputError(f'{path} has units of its own: a full scale is for WAV')
-    if rate and reader is not _table:
+    rated = reader in (_table, _tdms)
+    if rate and not rated:
         raise InputError(f'{path} has times of its own: a sampling rate is for tables without')
     channels = (
         reader(path, full_scale, scaled) if reader is _wav
-        else _table(path, rate) if reader is _table
+        else reader(path, rate) if rated
         else reader(path)
     )  # fmt: skip
     found = {c.name: checked(path, c) for c in channels}
@@ -268,11 +268,7 @@ def _of_rate(text: str) -> float:
 
 def _times(table: CsvTable, time: str, unit: str) -> tuple[Array, float]:
     """Times of the samples, and the size of their last digit [s]."""
-    if _is_date(first := str(next(iter(table.column(time)), ''))):
-        raise InputError(
-            f"{table.where}: column '{time}' has dates, as '{first.strip()}': write seconds from "
-            "the first sample, or from the start of the machine, on, with the heading 't [s]'"
-        )
+    _refuse_dates(str(next(iter(table.column(time)), '')), f"{table.where}: column '{time}'")
     if not unit:
         assume(f"{table.where}: column '{time}' has no unit: it is read in seconds")
     try:
@@ -299,18 +295,13 @@ def _unit_of(name: str) -> str:
     return '' if '.' in name else named_unit(name)
 
 
-def _is_date(cell: str) -> bool:
-    """True of a date, or a time of day, as ISO 8601 has it."""
-    text = cell.strip()
-    if len(text) < 5 or ('-' not in text[4:] and ':' not in text):  # a number
-        return False
-    for read in (datetime.fromisoformat, clock.fromisoformat):
-        try:
-            read(text)
-        except ValueError:
-            continue
-        return True
-    return False
+def _refuse_dates(first: str, where: str) -> None:
+    """Refuse dates and times of day as times of samples, by the first of them."""
+    if _DATE.match(first):
+        raise InputError(
+            f"{where} has dates, as '{first.strip()}': write seconds from the first sample, or "
+            "from the start of the machine, on, with the heading 't [s]'"
+        )
 
 
 def _wav(path: Path, full_scale: str, scaled: bool) -> list[ChannelSamples]:
@@ -361,31 +352,39 @@ def _uff(path: Path) -> list[ChannelSamples]:
     return found
 
 
-def _tdms(path: Path) -> list[ChannelSamples]:
+def _tdms(path: Path, rate: str = '') -> list[ChannelSamples]:
     nptdms = needed('nptdms', _PURPOSE)
     try:
         groups = nptdms.TdmsFile.read(path).groups()
-        return [c for group in groups for c in _tdms_group(group)]
+        return [c for group in groups for c in _tdms_group(path, group, rate)]
     except InputError:
         raise
     except Exception as error:  # it raises whatever a broken file leads to
         raise InputError(f'{path} cannot be read: {error}') from error
 
 
-def _tdms_group(group: Any) -> list[ChannelSamples]:
-    """Channels with a waveform's interval, or beside a channel of time."""
+def _tdms_group(path: Path, group: Any, rate: str) -> list[ChannelSamples]:
+    """Channels with a waveform's interval, beside a channel of time, or of a given rate."""
     time = next((c for c in group.channels() if c.name.lower() in _TIMES), None)
+    if time is not None and len(time):
+        _refuse_dates(str(time[0]), f"{path}: channel '{time.name}'")
     found = []
     for c in group.channels():
         if c is time or not len(c) or np.asarray(c[:]).dtype.kind not in 'iuf':
             continue
-        if 'wf_increment' in c.properties:
-            t = c.time_track()
-        elif time is not None and len(time) == len(c):
-            t = time[:]
-        else:
-            raise InputError(f"channel '{c.name}' has neither an interval (wf_increment) nor a "
-                             "channel of time beside it")  # fmt: skip
+        even, beside = c.properties.get('wf_increment'), time is not None and len(time) == len(c)
+        if rate and (even or beside):
+            raise InputError(f"{path}: channel '{c.name}' has times: leave out --sample-rate")
+        if not (even or beside or rate):
+            raise InputError(
+                f"{path}: channel '{c.name}' has neither an interval (wf_increment) nor a channel "
+                "of time beside it: give --sample-rate, as '12 kHz'"
+            )
+        t = (
+            c.time_track() if even
+            else time[:] if beside
+            else np.arange(len(c)) / _of_rate(rate)
+        )  # fmt: skip
         unit = str(c.properties.get('unit_string', '')).strip()
         found.append(ChannelSamples(f'{group.name}/{c.name}', t, c[:], unit))
     return found

@@ -31,6 +31,7 @@ ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
 _NEEDS = {'.parquet': 'pyarrow', '.xlsx': 'openpyxl'}
 _WIDEST, _MOST_ROWS = 40, 1_048_575  # of a sheet, without its heading
 _NAME_OF_MATLAB = 63  # characters
+_WIDE = 10  # columns a row, from which on a matrix holds its signals in rows
 _FORMULA = '=', '+', '-', '@', '\t', '\r'  # what a spreadsheet computes begins so
 _QUANTITY = re.compile(r'[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?( [\w/^*%°· ]+)?$', re.IGNORECASE)
 _SHOWN_NAMES = 300  # characters in a sentence
@@ -498,7 +499,11 @@ def _of_xlsx(file: BinaryIO) -> Sequence[Any]:
 
 
 def _of_mat(file: BinaryIO) -> Sequence[Column]:
-    """Vectors, those of structures by ``STRUCTURE.FIELD``, and columns of matrices by a number."""
+    """Vectors, those of structures by ``STRUCTURE.FIELD``, and columns of matrices by a number.
+
+    Structures in a row have a number, too, as ``X.2.Data``. Of matrices that are far wider than
+    high these are the rows.
+    """
     import scipy  # noqa: PLC0415
 
     data = scipy.io.loadmat(file, simplify_cells=True)
@@ -513,7 +518,11 @@ def _of_mat(file: BinaryIO) -> Sequence[Column]:
             data = {f'{name}.{k}': x for k, x in value.items()} | data
             continue
         values, unit = np.asarray(value), units.get(name)
-        parts = values.T if values.ndim == 2 else [values]
+        if values.dtype.kind == 'O' and all(isinstance(x, dict) for x in values.flat):
+            data = {f'{name}.{k}': x for k, x in enumerate(values.flat, 1)} | data
+            continue
+        wide = values.ndim == 2 and values.shape[1] > _WIDE * values.shape[0]
+        parts = values if wide else values.T if values.ndim == 2 else [values]
         for k, one in enumerate(parts, 1):
             shown = names.get(name, name if len(parts) == 1 else f'{name}.{k}')
             # of an empty text it gives an empty array

@@ -198,20 +198,46 @@ def _info(node: CommandNode, options: argparse.Namespace) -> None:
     found = node.endpoints(options.topic)
 
     def named(info: Any) -> str:
-        name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+        name = _full(info)
         return f'{name} ({_quality(info.qos_profile)})' if options.verbose else name
 
     def names(infos: list[Any]) -> list[str]:
         return sorted(map(named, infos))
 
     publishers, subscriptions = names(found.publishers), names(found.subscriptions)
+    unfit = [
+        f'{_full(sub)} asks for more {less} than {_full(pub)} offers: over DDS it hears nothing'
+        for pub in found.publishers
+        for sub in found.subscriptions
+        if (less := _less(pub.qos_profile, sub.qos_profile))
+    ]
     if options.json:
-        about = {'name': found.name, 'types': found.types}
+        about = {'name': found.name, 'types': found.types, 'unfit': unfit}
         _print_json({**about, 'publishers': publishers, 'subscriptions': subscriptions})
         return
     print(f'{found.name} [{", ".join(found.types)}]')
     print(f'  published by {", ".join(publishers) or "nobody"}')
     print(f'  subscribed by {", ".join(subscriptions) or "nobody"}')
+    for said in unfit:
+        print(f'  {said}')
+
+
+def _full(info: Any) -> str:
+    """Name of the node of an endpoint, with its namespace."""
+    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def _less(offered: Any, asked: Any) -> str:
+    """Policies of which a publisher offers less than a subscription asks for; empty if none.
+
+    Over Zenoh messages come all the same, but for those before a late subscription.
+    """
+    strong = {'reliability': 'RELIABLE', 'durability': 'TRANSIENT_LOCAL'}
+    return ' and '.join(
+        policy
+        for policy, most in strong.items()
+        if getattr(asked, policy).name == most != getattr(offered, policy).name
+    )
 
 
 def _quality(qos: Any) -> str:

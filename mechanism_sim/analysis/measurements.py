@@ -39,11 +39,10 @@ _FAR, _LONG = 1000.0, 10.0
 [s], counts from elsewhere, as from 1970: a run from 0 on would not come to its end."""
 
 
-def _signal_of(bag: Bag, sensor: str | None = None) -> Signal:
+def _signal_of(bag: Bag, sensor: str | None, topics: Sequence[str]) -> Signal:
     """The signal of a sensor of a bag; of its only one, if none is named."""
     collectors = SignalCollectors()
-    topics = find_topics(bag)['sensors']
-    for _, message, _ in bag.messages(topics) if topics else ():
+    for _, message, _ in bag.messages(topics):
         collectors.add(message)
     known = ', '.join(sorted(collectors))
     if not collectors:
@@ -63,7 +62,7 @@ def _without_signal(bag: Bag) -> InputError:
 
 
 def measurements(
-    files: Sequence[Path | str],
+    files: Sequence[Path | str | tuple[Path | str, str | None]],
     scenes: Sequence[str] = (),
     overrides: Iterable[str] = (),
     sensor: str | None = None,
@@ -76,7 +75,8 @@ def measurements(
 
     Parameters
     ----------
-    files : bags, or files of `signal_files`
+    files : bags, or files of `signal_files`; of a bag of several machines with the namespace of
+        one, as ``('run.mcap', '/left')``
     scenes : one for all files, or one for each of them; default: those in the bags
     overrides : overrides of every scene
     sensor : name of a sensor of the scene, or of a quantity
@@ -91,9 +91,12 @@ def measurements(
     if given and not scenes:
         raise InputError('--set needs --scene: the scene in a bag cannot be changed')
     found: list[Measured] = []
-    for k, path in enumerate(files):
+    for k, file in enumerate(files):
+        path, namespace = file if isinstance(file, tuple) else (file, None)
         machine = load_scene(scenes[k % len(scenes)], given) if scenes else None
         if is_signal_file(path):
+            if namespace:
+                raise InputError(f'{path} is a file of signals: a namespace is one of a bag')
             channels = read_signals(path, full_scale, rate=rate)
             if machine is None:
                 raise InputError(f'{path} holds no machine: give --scene')
@@ -104,27 +107,28 @@ def measurements(
             bag = read_bag(path)
             if not any(topic.count for topic in bag.topics.values()):
                 raise _without_signal(bag)
-            if machine is None and scene_text(bag) is None:
+            topics = find_topics(bag, namespace) if namespace or not (machine and channel) else {}
+            if machine is None and scene_text(bag, namespace) is None:
                 raise InputError(f'{path} does not hold its scene: give a machine by --scene')
-            machine = machine or machine_of(bag)
+            machine = machine or machine_of(bag, namespace)
             # signals of a sensor are what the bag gives, and not numbers of its messages
             sensed = sensor in machine.scene.sensors or sensor not in catalogue(machine)
-            if not channel and sensed and find_topics(bag)['sensors']:
-                found.append(_of_sensor(bag, machine, _signal_of(bag, sensor).since(skip)))
+            if not channel and sensed and topics['sensors']:
+                signal = _signal_of(bag, sensor, topics['sensors'])
+                found.append(_of_sensor(bag, machine, signal.since(skip)))
                 continue
-            channels = _channels_of(bag, channel)
+            channels = _channels_of(MessageRun(bag, namespace), channel)
         chosen = _chosen(path, machine, sensor, channel, channels)
         found += [_of_channel(path, machine, name, c, skip) for name, c in chosen.items()]
     return found
 
 
-def _channels_of(bag: Bag, path: str | None) -> dict[str, ChannelSamples]:
+def _channels_of(run: MessageRun, path: str | None) -> dict[str, ChannelSamples]:
     """Joint states of a bag as ``position.JOINT`` and so on, or that to which a path leads."""
-    run = MessageRun(bag)
     found = {path: run.one(path)} if path else run.series
     if not found:
-        raise InputError(f'{bag.path} has no joint states: name numbers by --channel TOPIC.FIELD')
-    return {name: samples_of(bag, x) for name, x in found.items()}
+        raise InputError(f'{run.path} has no joint states: name numbers by --channel TOPIC.FIELD')
+    return {name: samples_of(run.bag, x) for name, x in found.items()}
 
 
 def samples_of(bag: Bag, x: Series) -> ChannelSamples:

@@ -79,9 +79,11 @@ class MessageRun:
     @cached_property
     def _topic(self) -> str:
         """The topic of joint states, if there is just one."""
-        home = prefix_of(self.namespace) if self.namespace else ''
+        home = prefix_of(self.namespace)
         own = [t for t in self.bag.topics.values() if t.name.startswith(home)]
         states = [t.name for t in own if t.type == _STATES and t.count]
+        if self.namespace and len(states) > 1:  # the others are in namespaces below
+            states = [name for name in states if name.rpartition('/')[0] == home[:-1]]
         return states[0] if len(states) == 1 else ''
 
     def listed(self) -> Iterator[Name]:

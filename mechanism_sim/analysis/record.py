@@ -594,8 +594,12 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
         names = tuple(topic.name for topic in own if topic.type == type_name)
         if len(names) > 1 and kind not in SHARED:  # else it may be remapped to any name
             names = tuple(n for n in names if n.rpartition('/')[2] == kind) or names
-        if len(names) > 1 and kind not in SHARED:
-            held = ', '.join(name.rpartition('/')[0] or '/' for name in names)
+        # Sensors have a topic each, KIND/NAME: two of one name are of two machines.
+        ends = [name.rsplit('/', 2 if kind == 'sensors' else 1) for name in names]
+        alike = [end for _, *end in ends] if kind == 'sensors' else []
+        same = [e for e in ends if kind not in SHARED or alike.count(e[1:]) > 1]
+        if len(same) > 1:
+            held = ', '.join(home or '/' for home, *_ in same)
             raise InputError(f'{bag.path} holds several machines ({held}): choose a namespace.')
         found[kind] = names
     if namespace and not any(found.values()):

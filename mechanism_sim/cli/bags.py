@@ -82,7 +82,7 @@ _FIT = (
 )  # fmt: skip
 _DETAILS = (
     'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
-    'band', 'pin-radius', 'plots', 'namespace',
+    'band', 'pin-radius', 'plots',
 )  # fmt: skip
 
 
@@ -226,7 +226,7 @@ def _fit(options: argparse.Namespace) -> int:
         )
     with progress.busy('reading', options.json):
         signals = measurements(
-            options.bags,
+            [(file, options.namespace) for file in options.bags],
             options.scenes,
             options.overrides,
             options.sensor,

@@ -164,6 +164,8 @@ class CrankDrive(Drive):
 
     def on_ready(self) -> None:
         """Start the clock and give the first credit."""
+        if self.value('publish_clock'):
+            self._look_for_clocks()
         self._pace.restart(0.0)
         self._commands.begin()
         self.create_timer(0.01, self._tick)
@@ -210,6 +212,16 @@ class CrankDrive(Drive):
         # Requests that wait for the end of the run are answered first, between two ticks.
         self.done = self._over and not self.control.busy and not self.spawning.machines
         self._over = self.partners.finished
+
+    def _look_for_clocks(self) -> None:
+        """Warn of other nodes that publish the time: who hears /clock takes each as its own."""
+        publishers = self.get_publishers_info_by_topic('/clock')
+        names = {f'{x.node_namespace.rstrip("/")}/{x.node_name}' for x in publishers}
+        if others := names - {self.get_fully_qualified_name()}:
+            self.get_logger().warning(
+                f'{", ".join(sorted(others))} publishes /clock, too: nodes with use_sim_time hear '
+                'several times in turn; leave publish_clock to one'
+            )
 
     def _publish_clock(self) -> None:
         if self.value('publish_clock'):

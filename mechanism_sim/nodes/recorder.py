@@ -31,6 +31,8 @@ class Recorder(SimulationNode):
     """Node that records a run until all partners have finished and all messages are received.
 
     A reset ends the bag: the next run goes to a bag of its own, ``run-2.mcap`` after ``run.mcap``.
+    The first bag is that of the run that is heard first: a recorder that comes late may have
+    missed others.
     The time it reports is that up to which all announced messages are in the bag, which ends with
     the end of ``/clock`` if the drive has a clock. Parameters of the
     node, besides those of every node: ``file``, the bag to write; ``overwrite``.
@@ -49,6 +51,7 @@ class Recorder(SimulationNode):
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'), wait=True)
         # [ns] time of the first message, of the last and of the last clock
         self._begin, self._now, self._clock_time = 0, -1, -1
+        self._heard_run = False  # until then the number of the run is not known
         self._undated: list[tuple[str, bytes]] = []  # descriptions before the first time
         self._reports: dict[str, Any] = {}  # reports by node with pending messages
         self._complete: dict[str, float] = {}  # [s] by node, to which the bag is complete
@@ -89,6 +92,14 @@ class Recorder(SimulationNode):
         if self._loss_timer:
             self.destroy_timer(self._loss_timer)
             self._loss_timer = None
+
+    def _hear_run(self, number: int) -> None:
+        """Begin a bag with the next run; the first that is heard has one already."""
+        if not self._heard_run:
+            self._heard_run = True
+            super().begin_run(number)
+        elif number == self.run + 1:
+            self.begin_run(number)
 
     def on_ready(self) -> None:
         """Begin the bag; the duration counts from the first message, even an early one."""
@@ -133,10 +144,12 @@ class Recorder(SimulationNode):
             if self._now < 0:
                 self._undated.append((topic, data))
                 return
-            if topic in tells and _run_of(data) == self.run + 1:
-                self.begin_run(self.run + 1)
-            if self._ended and not self.done:
-                # Of the next run, not yet known here: topics have no relative order.
+            if topic in tells:
+                self._hear_run(_run_of(data))
+            again = latched and kind == _NO_STAMP and self.writer.counts[topic]
+            if (self._ended or again) and not self.done:
+                # Of the next run, not yet known here: topics have no relative order, and each of
+                # these descriptions comes once in a run.
                 self._ahead.append((topic, data, now if kind != _NO_STAMP else 0))
                 return
             self._put(topic, data, max(now, self._begin) if latched else now)
@@ -161,10 +174,13 @@ class Recorder(SimulationNode):
         self._date(max(self._now, 0))
         self.writer.close()
 
+    def _on_progress(self, message: Any) -> None:
+        if message.node in self.partners.names:
+            self._hear_run(message.run)
+        super()._on_progress(message)
+
     def on_progress(self, message: Any) -> None:
         """Record a report, report the complete part of the bag, end after all partners."""
-        if message.run > self.run:
-            self.begin_run(message.run)
         self._date(nanoseconds(message.header.stamp))
         progress = self.resolve_topic_name('progress')
         reports = dict(zip(message.topics, message.counts, strict=True)).get(progress, 1)

@@ -21,7 +21,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.collectors import VibrationCollector
 from mechanism_sim.analysis.details import Wanted, find_details
 from mechanism_sim.analysis.open_run import MessageRun
-from mechanism_sim.analysis.record import RecordedPiece, read_record
+from mechanism_sim.analysis.record import RecordedPiece, find_topics, read_record
 from mechanism_sim.analysis.summary import Crank, _Channels, analyze
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.events import Mode
@@ -650,6 +650,21 @@ def test_machines_of_a_bag_have_their_own_scenes_and_sensors(tmp_path):
     for read in (analyze, ms.open_run):
         with pytest.raises(InputError, match="in namespace lef; did you mean '/left'"):
             read(both, namespace='lef')
+
+
+def test_sensors_of_two_machines_are_not_one_signal(tmp_path):
+    """Of a bag with nothing else, as `ros2 bag record` makes it, the samples were mixed."""
+    path, sensor = tmp_path / 'sensors.mcap', 'accelerometer/rocker'
+    with BagWriter(path) as writer:
+        for topic in (f'/left/{sensor}', f'/right/{sensor}', '/right/accelerometer/crank'):
+            _, block = make('SensorBlock', 0.0, sensor=topic.rpartition('/')[2])
+            writer.add_topic(topic, block.__msgtype__, Qos())
+            writer.write(topic, serialize(block), 0)
+    bag = read_bag(path)
+    with pytest.raises(InputError, match=r'several machines \(/left, /right\): choose a'):
+        find_topics(bag)
+    found = find_topics(bag, 'right')['sensors']
+    assert found == ('/right/accelerometer/crank', f'/right/{sensor}')
 
 
 def test_text_and_json_say_the_same(summary):

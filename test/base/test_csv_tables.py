@@ -123,6 +123,13 @@ def test_what_stands_behind_a_slash_is_a_unit_if_it_can_be(table, headings, unit
     assert table(f'{headings}\n{";".join("1" for _ in units)}\n').units == units
 
 
+def test_decimal_commas_of_one_column_are_no_two_columns(table):
+    """Of 1,0368 there were a 1 and a 368."""
+    assert table('1,0368\n-0,5\n2,4649\n').numbers('1').ravel().tolist() == [1.0368, -0.5, 2.4649]
+    assert table('1,10\n2,20\n').numbers('1', '2').tolist() == [[1.0, 10.0], [2.0, 20.0]]
+    assert [*table('1,01,5\n2,02,5\n').cells] == ['1', '2', '3']
+
+
 def test_a_file_without_headings_keeps_its_first_row(table):
     found = table('0.0,0.5\n1.0,2\n')
     assert (list(found.cells), found.lines) == (['1', '2'], [1, 2])

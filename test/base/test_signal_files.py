@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import struct
 
 import numpy as np
 import pytest
 from running import run
-from scipy.io import wavfile
+from scipy.io import savemat, wavfile
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.signal_files import choose, is_signal_file, read_signals
@@ -161,6 +162,9 @@ def test_uneven_instants_are_kept(tmp_path):
         ('time,x\n2025-11-29T04:20:00.001,1\n', None, "'time' has dates, as '2025-.* write sec"),
         ('time,x\n2025-11-29 04:20:00Z,1\n', None, 'write seconds from the first sample'),
         ('time,x\n04:20:00.5,1\n', None, "has dates, as '04:20:00.5'"),
+        ('time,x\n3/1/2024 10:00:00,1\n', None, "has dates, as '3/1/2024 10:00:00'"),
+        ('Zeit;x\n01.03.2024 10:00;1\n', None, "has dates, as '01.03.2024 10:00'"),
+        ('time,x\n1-Mar-2024,1\n', None, "has dates, as '1-Mar-2024'"),
     ],
 )
 def test_csv_that_is_no_signal_is_refused(tmp_path, text, channel, words):
@@ -263,6 +267,61 @@ def test_tdms_with_its_scaling_and_a_channel_of_time(tmp_path):
     assert found['rig/rod'].times == pytest.approx(T + 0.25)
     assert found['rig/rod'].in_unit('m') == pytest.approx(1e-3 * Y, abs=1e-6)
     assert found['slow/force'].times == pytest.approx(T)
+
+
+def test_tdms_without_times_takes_a_rate_and_dates_are_no_numbers(tmp_path):
+    """Time stamps were read as so many seconds, and of others nobody could give the rate."""
+    nptdms = pytest.importorskip('nptdms', reason='the extra signals is not installed')
+    file = tmp_path / 'a.tdms'
+
+    def write(*channels):
+        with nptdms.TdmsWriter(file) as writer:
+            writer.write_segment([nptdms.ChannelObject('rig', *c) for c in channels])
+
+    write(('acc', Y), ('still', Y, {'wf_increment': 0.0}))
+    words = re.escape(f"{file}: channel 'acc' has neither an interval") + '.*give --sample-rate'
+    with pytest.raises(InputError, match=words):
+        read_signals(file)
+    found = read_signals(file, rate='1 kHz')
+    assert [*found] == ['rig/acc', 'rig/still']
+    assert found['rig/acc'].times == pytest.approx(T)
+    write(('Time', T), ('acc', Y))
+    with pytest.raises(InputError, match="channel 'acc' has times: leave out --sample-rate"):
+        read_signals(file, rate='1 kHz')
+    stamps = np.datetime64('2024-03-01T10:00:00') + np.arange(200).astype('m8[ms]')
+    write(('Time', stamps), ('acc', Y))
+    with pytest.raises(InputError, match="channel 'Time' has dates, as '2024-03-01T10:00:00"):
+        read_signals(file)
+
+
+def test_matrices_with_signals_in_rows_and_rows_of_structures_are_signals(tmp_path):
+    """200 channels of 3 samples were made of 3 signals; of a row of structures none was seen."""
+    file = tmp_path / 'a.mat'
+    savemat(file, {'M': np.vstack([Y, 2.0 * Y, 3.0 * Y])})
+    found = read_signals(file, rate='1 kHz')
+    assert [*found] == ['M.1', 'M.2', 'M.3']
+    assert (found['M.2'].values == 2.0 * Y).all()
+    row = np.zeros(2, dtype=[('Name', object), ('Data', object)])
+    row['Name'], row['Data'] = ['a', 'b'], [Y, 2.0 * Y]
+    savemat(file, {'rig': {'Y': row, 'note': 'x'}})
+    found = read_signals(file, rate='1 kHz')
+    assert [*found] == ['rig.Y.1.Data', 'rig.Y.2.Data']
+    assert (found['rig.Y.2.Data'].values == 2.0 * Y).all()
+
+
+def test_two_samples_at_one_time_but_for_rounding_are_not_even(tmp_path):
+    """The rate was that of the others, and a sample that was missing was not."""
+    file = table(tmp_path, 't [s],y\n0,0\n0.009,1\n0.009000000000000001,2\n0.027,3\n0.036,4\n')
+    found = read_signal(file)
+    assert (found.rate, found.missing) == (None, 0)
+
+
+def test_too_long_a_signal_is_not_to_be_thinned(tmp_path):
+    """What lies above half the rate of every 4th sample would be read as something slower."""
+    file = tmp_path / 'a.npz'
+    np.savez(file, t=np.arange(2_560_001.0), y=np.zeros(2_560_001, np.int8))
+    with pytest.raises(InputError, match='2560001 points: allowed are 2560000; take a part'):
+        read_signals(file)
 
 
 @pytest.mark.parametrize('ending', ['uff', 'tdms'])

@@ -29,6 +29,7 @@ from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
 from zenoh_rclpy.commands import _info, _param_dump, _print, _values, main
 from zenoh_rclpy.errors import MiddlewareError
 from zenoh_rclpy.parameter_files import read_parameters, write_parameters
+from zenoh_rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 PACKAGE, FLOAT = 'simulation_interfaces', 'std_msgs/msg/Float64'
 
@@ -40,6 +41,30 @@ def network(monkeypatch):
     for name in ('MECHANISM_SIM_MIDDLEWARE', 'MECHANISM_SIM_ROUTER', 'ROS_DOMAIN_ID'):
         monkeypatch.setenv(name, env[name])
     return env
+
+
+def test_who_asks_for_more_than_is_offered_is_told(capsys):
+    """Over Zenoh all of it comes, and after a change to DDS nothing."""
+
+    def end(name, **policies):
+        return SimpleNamespace(
+            node_name=name, node_namespace='/', qos_profile=QoSProfile(**policies)
+        )
+
+    weak, late = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.TRANSIENT_LOCAL
+    publishers = [end('camera', reliability=weak), end('map', durability=late)]
+    hearers = [end('log'), end('late', durability=late), end('ear', reliability=weak)]
+    found = SimpleNamespace(name='/x', types=[], publishers=publishers, subscriptions=hearers)
+    node = SimpleNamespace(endpoints=lambda _: found)
+    rest = 'than /camera offers: over DDS it hears nothing'
+    expected = [
+        f'/log asks for more reliability {rest}',
+        f'/late asks for more reliability and durability {rest}',
+    ]
+    _info(node, SimpleNamespace(topic='/x', verbose=False, json=False))
+    assert capsys.readouterr().out.splitlines()[3:] == [f'  {said}' for said in expected]
+    _info(node, SimpleNamespace(topic='/x', verbose=False, json=True))
+    assert json.loads(capsys.readouterr().out)['unfit'] == expected
 
 
 def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path, capsys):

@@ -11,12 +11,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from middleware_network import eventually
 from running import TIMEOUT, environment, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.messages import Clock
 from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.middleware import SingleThreadedExecutor
+from mechanism_sim.nodes.qos import CLOCK
 from mechanism_sim.recording.reader import read_bag
 
 pytestmark = pytest.mark.network
@@ -180,6 +184,23 @@ def test_a_machine_in_a_namespace_leaves_the_clock_alone(monkeypatch, home, coun
         assert node.count_publishers('/clock') == count
     finally:
         middleware.leave([node])
+
+
+@pytest.mark.usefixtures('network')
+def test_a_second_clock_is_told(capfd):
+    """Nodes with use_sim_time heard both times in turn, and nobody said why."""
+    other, executor = middleware.Node('player', namespace='/left'), SingleThreadedExecutor()
+    other.create_publisher(Clock, '/clock', CLOCK)
+    drive = CrankDrive()
+    try:
+        assert eventually(lambda: drive.count_publishers('/clock') == 2)
+        executor.add_node(drive)
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or drive.ready)
+    finally:
+        executor.remove_node(drive)
+        for node in (drive, other):
+            node.destroy_node()
+    assert '/left/player publishes /clock, too: nodes with use_sim_time' in capfd.readouterr().err
 
 
 SLEEPER = """

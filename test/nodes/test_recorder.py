@@ -117,3 +117,56 @@ def test_a_late_bag_begins_where_its_run_is_and_has_no_clock_of_another_machine(
     assert (found.start, found.end) == (7_500_000_000, 8_000_000_000)
     assert not found.topics['/clock'].count
     assert [t for _, _, t in found.messages('/scene')] == [found.start]
+
+
+@pytest.mark.usefixtures('network')
+def test_descriptions_are_in_the_bag_of_their_run_also_of_a_recorder_that_came_late(tmp_path):
+    """In the third run it had none in a bag without an end; in the second, one of nothing else.
+
+    The description of the next run may come before anything that has its number.
+    """
+    given = {'scene': SCENE, 'file': str(tmp_path / 'late.mcap'), 'partners': 'linkage'}
+    partner, executor, heard = Node('linkage'), SingleThreadedExecutor(), []
+    partner.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+    partner.create_subscription(String, 'scene', heard.append, LATCHED)
+    reports = partner.create_publisher(Progress, 'progress', RESULTS)
+    scene = partner.create_publisher(String, 'scene', LATCHED)
+    states = partner.create_publisher(JointState, 'joint_states', RESULTS)
+    scene.publish(String(data='third'))
+    recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
+    for node in (partner, recorder):
+        executor.add_node(node)
+
+    def spin_until(condition):
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or condition())
+
+    def counts(*topics):
+        return tuple(recorder.writer.counts[f'/{topic}'] for topic in topics)
+
+    def report(run, t):
+        stamped = Header(stamp=stamp(t))
+        reports.publish(Progress(node='linkage', run=run, time=t, header=stamped))
+
+    try:
+        spin_until(lambda: recorder.ready and heard)
+        state = JointState()
+        state.header.stamp = stamp(7.5)
+        states.publish(state)
+        spin_until(lambda: counts('scene', 'joint_states') == (1, 1))
+        report(2, 8.0)
+        spin_until(lambda: recorder.partners.time == 8.0)
+        scene.publish(String(data='fourth'))
+        spin_until(lambda: len(heard) == 2)
+        report(2, 9.0)
+        spin_until(lambda: recorder.partners.time == 9.0)
+        report(3, 0.0)
+        spin_until(lambda: recorder.run == 3 and counts('scene', 'progress') == (1, 1))
+    finally:
+        for node in (recorder, partner):
+            executor.remove_node(node)
+            node.destroy_node()
+    found = {
+        file.name: [message.data for _, message, _ in read_bag(file).messages('/scene')]
+        for file in tmp_path.iterdir()
+    }
+    assert found == {'late.mcap': ['third'], 'late-4.mcap': ['fourth']}

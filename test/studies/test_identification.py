@@ -12,7 +12,14 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.errors import InputError
-from mechanism_sim.messages import SensorBlock, float64_array, serialize
+from mechanism_sim.messages import (
+    JointState,
+    SensorBlock,
+    float64_array,
+    message_class,
+    serialize,
+)
+from mechanism_sim.messages.events import describe
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.report.studies import fit_text
@@ -176,6 +183,42 @@ def test_signals_that_cannot_be_identified_are_refused(tmp_path, options, words)
     with pytest.raises(InputError) as caught:
         measurements([bag(tmp_path / 'a.mcap', signal)], **options)
     assert words in str(caught.value)
+
+
+@pytest.mark.usefixtures('in_this_process')
+def test_a_machine_of_a_bag_with_two_is_identified_by_its_namespace(tmp_path):
+    """`--fit` asked for a namespace, and refused it."""
+    path, home = tmp_path / 'both.mcap', {'/left': 1.0, '/right': 2.0}
+    text = message_class('std_msgs/msg/String')(data=describe(ms.load_scene(SCENE)))
+    with BagWriter(path) as writer:
+        for name, size in home.items():
+            block = SensorBlock(
+                sensor='rocker', link='rocker', sample_rate=1e4, quantity='acceleration',
+                unit='m/s^2', samples=float64_array(np.full(16, size)),
+            )  # fmt: skip
+            states = JointState(name=['crank_joint'], position=[size])
+            for topic, message in {
+                'scene': text, 'motion': None, 'accelerometer/rocker': block,
+                'joint_states': states,
+            }.items():  # fmt: skip
+                kind = message.__msgtype__ if message else 'mechanism_sim/msg/Motion'
+                writer.add_topic(f'{name}/{topic}', kind, Qos())
+                if message:
+                    writer.write(f'{name}/{topic}', serialize(message), 0)
+            states.header.stamp.sec = 1
+            writer.write(f'{name}/joint_states', serialize(states), 10**9)
+    for name, size in home.items():
+        (found,) = measurements([(path, name)])
+        assert found.samples.tolist() == [size] * 16
+        of = {'sensor': 'position.crank', 'channel': 'position.crank_joint'}
+        (found,) = measurements([(path, name)], **of)
+        assert found.samples.tolist() == [size] * 2
+    for how in ({}, {'sensor': 'position.crank', 'channel': '/right/joint_states.position'}):
+        with pytest.raises(InputError, match=r'several machines \(/left, /right\): choose a'):
+            measurements([path], **how)
+    done = run('analyze', str(path), '--fit', 'radial', '--namespace', 'rigth')
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert 'no machine in namespace rigth; it has /left, /right' in done.stderr
 
 
 def test_few_samples_have_no_features():
