@@ -149,11 +149,16 @@ _TRADE: tuple[tuple[re.Pattern[str], Any], ...] = (
     (re.compile(r'(?<=[A-Za-z])([234])(?![\w^*])'), r'^\1'),  # kgm2
     # min-1; not of angles: 90 deg-1 in a formula is a difference of two angles
     (re.compile(r'(?<![A-Za-z])(min|[mu]?s|[cmu]?m|k?g|k?N|K|A|V)(-[1-4])(?![\w^*.])'), r'\1^\2'),
-    (re.compile(r'(?<![A-Za-z])([mkM]?N|kg)(mm|cm|m)(s?)(?![A-Za-z])'), r'\1 \2 \3'),  # Nm, Nms
+    (re.compile(r'(?<![A-Za-z])([mkM]?N|kgf?|kp)(mm|cm|m)(s?)(?![A-Za-z])'), r'\1 \2 \3'),  # Nm
     (re.compile(r'(?<![A-Za-z])(g)(mm|cm)(?![A-Za-z])'), r'\1 \2'),  # gmm, of unbalance
     (re.compile(r'(?<![A-Za-z])([mk]?N|m?Pa)(s)(?![A-Za-z])'), r'\1 \2'),  # Ns, Pas
     (re.compile(r'(?<![A-Za-z])(?:t?r|U|rev)\s*/\s*min\s*(?:\^|\*\*)\s*2(?!\d)', re.I), 'rpm/min'),
-    (re.compile(r'(?<![a-z])(?:RPM|(?:t?r|U|rev)\s*/\s*min)(?!\s*\*\*|[a-z^])', re.I), 'rpm'),
+    (
+        re.compile(
+            r'(?<![a-z])(?:RPM|r\.p\.m\.?|(?:t?r|U|rev)\s*/\s*min)(?!\s*\*\*|[a-z^])', re.I
+        ),
+        'rpm',
+    ),
     (re.compile(r'(?:deg|°)\s*(?:CA|KW)(?![A-Za-z])'), 'deg'),  # of the crank of an engine
     (re.compile(r'(?<![A-Za-z])lbm(?![A-Za-z])'), 'lb'),
     (re.compile(r'(?<![A-Za-z])kp(?![A-Za-z])'), 'kgf'),
@@ -170,6 +175,9 @@ _KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
 
 _OPERATION = re.compile(r'\*|/\d')
 """Start of an operation, as in ``0.5*bar_rate`` and ``7/41``, with which no unit begins."""
+
+_FRACTION = re.compile(r'\s*(?:(\d+)[\s-]\s*)?(\d+)\s*/\s*(0*[1-9]\d*)\s*([A-Za-z]+)\s*')
+"""Fractions of inches: in a formula they would be one over them."""
 
 _GRADE = re.compile(r'\s*(ISO[\s-]*)?(VG|SAE)', re.IGNORECASE)
 
@@ -611,6 +619,12 @@ def _parsed(value: str, unit: str, hint: str) -> float:
             'is a grade of oil, not its viscosity (an ISO VG is kinematic, in mm^2/s at 40 deg C: '
             f'multiply it by the density): {hint}'
         )
+    if unit == 'm' and (fraction := _FRACTION.fullmatch(value)):
+        whole, above, below, given = fraction.groups()
+        decimal = int(whole or 0) + int(above) / int(below)
+        raise ValueError(
+            f'has a fraction where a decimal number belongs, as in {decimal:.10g} {given}: {hint}'
+        )
     if not match:
         raise ValueError(f'is not a number{" with a unit" if unit else ""}: {hint}')
     number, given = match[1], match[2].strip()
@@ -690,6 +704,8 @@ def _other(given: str, unit: str, hint: str, fits: bool) -> str:
         with suppress(ValueError):
             _converted('1', _respelled(given), given, 'm^2/s', '')
             said = ' (it is one of kinematic viscosity: multiply by the density)'
+    if unit == 'm' and given == 'mil':  # to pint an angle
+        said = " (a thousandth of an inch is a 'thou')"
     weight = _KILOGRAM.sub('kgf', _respelled(given))
     if not fits and weight != _respelled(given):
         with suppress(ValueError):

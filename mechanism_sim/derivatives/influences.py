@@ -91,7 +91,7 @@ class _Parts:
     def __init__(self, machine: Machine, end: float) -> None:
         plan, self._system = machine.plan, machine.equations.system
         self._driven = [*plan.prescribed, *plan.powered]
-        self._laws = [plan.laws_until(c, end) for c in self._driven]
+        self._laws = [plan.laws_until(c, end, None)[0] for c in self._driven]
         self._names = _names(self._system)
         self._begun: _Begun | None = None
         self._rubbing: list[float] = []

@@ -175,7 +175,7 @@ class Turn:
         if not order:
             return q
         t = self._times[: q.shape[1]]
-        laws = [plan.laws_until(c, t[-1]) for c in plan.prescribed if c in self._held]
+        laws = [plan.laws_until(c, t[-1])[0] for c in plan.prescribed if c in self._held]
         rate, second = (np.array([_values(x, t, order) for x in laws]) for order in (1, 2))
         v = self._kinematics.rates(q, rate)
         return v if order == 1 else self._kinematics.accelerations(q, v, second)
@@ -222,8 +222,10 @@ class Turn:
         duration = machine.drive.period
         if straight or not np.isfinite(duration):
             duration = machine.scene.duration or (duration if np.isfinite(duration) else 0.0)
+        laws = {c: plan.laws_until(c, duration) for c in moved}
+        duration = min(end for _, end in laws.values())
         t = self._times = np.linspace(0.0, duration, INSTANTS)
-        return {c: _values(plan.laws_until(c, duration), t) for c in moved}
+        return {c: _values(each, t) for c, (each, _) in laws.items()}
 
     def _closed(self, guess: Array) -> Array:
         for c, way in self._held.items():

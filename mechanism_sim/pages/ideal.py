@@ -6,7 +6,7 @@ It closes the loops itself, by the machine's own closures in JavaScript.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -24,7 +24,7 @@ from mechanism_sim.packages import needed
 from mechanism_sim.pages.assets import embedded, import_map, render, styles
 from mechanism_sim.pages.ideal_equations import PURPOSE
 from mechanism_sim.pages.ideal_sliders import SliderReader, curves_of, four_bar_sides, shapes_of
-from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law
 from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.load import without_clearance
 
@@ -139,6 +139,16 @@ def _widened(
     return wide
 
 
+def _pieces(laws: Sequence[Law]) -> list[tuple[float, tuple[float, ...]]]:
+    """Start times [s] of a coordinate's laws, and powers of the time since then."""
+    prescribed = [law for law in laws if isinstance(law, DriveLaw)]
+    local = [law.about(Fraction(law.valid_from)) for law in prescribed]
+    return [
+        (law.valid_from, (x + _TURN * (turns - local[0][0]), *more))
+        for law, (turns, (x, *more)) in zip(prescribed, local, strict=True)
+    ]
+
+
 class PageDrive:
     """The variable that a page is played over: the only drive, or the time if there are more.
 
@@ -159,8 +169,9 @@ class PageDrive:
         self._range, self._laws = (start, start, start + _TURN), []
         prescribed = len(driven) == len(plan.prescribed)
         if prescribed and (self._timed or self._slides or not machine.drive.steady):
-            end = span(machine, None, None)
-            self._laws = [self._pieces(c, end) for c in driven]
+            looked = [plan.laws_until(c, span(machine, None, None)) for c in driven]
+            end = min(end for _, end in looked)
+            self._laws = [_pieces(laws) for laws, _ in looked]
             t = np.linspace(0.0, end, 10 * _LOOKS)
             along = self._values(t)[0]
             if self._timed:
@@ -185,15 +196,6 @@ class PageDrive:
                 last.append(q[:, 0])
             found += last[2:]
         self.coordinates = np.array(found).T
-
-    def _pieces(self, c: str, end: float) -> list[tuple[float, tuple[float, ...]]]:
-        """Start times [s] of a coordinate's laws, and powers of the time since then."""
-        laws = [law for law in self._plan.laws_until(c, end) if isinstance(law, DriveLaw)]
-        local = [law.about(Fraction(law.valid_from)) for law in laws]
-        return [
-            (law.valid_from, (x + _TURN * (turns - local[0][0]), *more))
-            for law, (turns, (x, *more)) in zip(laws, local, strict=True)
-        ]
 
     def _values(self, t: Array) -> Array:
         """The driven coordinates (p, N) at times (N,)."""

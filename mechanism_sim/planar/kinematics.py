@@ -117,7 +117,7 @@ class Kinematics:
         if not self.rows:
             return np.zeros((count, 0)), np.zeros((count, 0, n))
         values, slopes = self._closures.position(q, rows)
-        return values.T, slopes.reshape(-1, n, count).transpose(2, 0, 1)
+        return values.T, slopes.reshape(len(self.rows), n, count).transpose(2, 0, 1)
 
     def faces(self, q: Array) -> NDArray[np.bool_]:
         """Mask (N,) of closed loops that are not half a turn, or half a slot, off."""

@@ -130,13 +130,27 @@ class Catalogue(Mapping[str, Quantity]):
         forces = 'reaction', 'tooth_force', 'bearing_force'
         if kind in forces and joint.partition('.')[0] in machine.physics.undetermined:
             return InputError(f"{machine.name}: '{name}': {machine.nominal.undetermined_text}")
+        if several := self.below(name):
+            return InputError(
+                f"{machine.name}: '{name}' stands for several quantities, one is needed: "
+                f'{", ".join(several[:6])}{", ..." * (len(several) > 6)}'
+            )
         bare = (known.removesuffix('.size') for known in self._known)
-        short = [*self._known, *bare, *kinds]
+        said = nearest(name, [*self._known, *bare, *kinds])
+        said = said or nearest(name, (), deeper=self._like(name))
         why = '' if machine.physics.has_forces else f'; of forces: {no_forces(machine)}'
         return InputError(
-            f"{machine.name}: there is no quantity '{name}'{nearest(name, short)}; quantities "
+            f"{machine.name}: there is no quantity '{name}'{said}; quantities "
             f'begin with {", ".join(kinds)}{why}'
         )
+
+    def _like(self, name: str) -> list[str]:
+        """Quantities with the last word of a name, as of a coordinate or its rate in formulas."""
+        word = name.rpartition('.')[2]
+        link = word.removesuffix('_rate')
+        begin = 'velocity.' if link != word else ''
+        ending = (f'.{link}', f'_{link}') if link not in ('x', 'y', 'size') else ()
+        return [x for x in self._known if x.startswith(begin) and x.endswith(ending)][:3]
 
     def table(self, names: Iterable[str], view: View) -> Table:
         """Quantities (N,) by name in a view of N instants, with their units."""

@@ -501,7 +501,7 @@ def _largest(machine: Machine, c: str) -> tuple[float, float]:
     """The largest acceleration of a prescribed coordinate, with its sign, and when [s]."""
     duration = machine.scene.duration or _AHEAD
     best = 0.0, 0.0
-    for law, begin, end in ends(machine.plan.laws_until(c, duration), duration):
+    for law, begin, end in ends(*machine.plan.laws_until(c, duration)):
         second = polynomial.polyder(law.coefficients, 2)
         at = np.linspace(begin, end, _IN_PIECE) - law.reference_time
         values = np.abs(polynomial.polyval(at, second))

@@ -277,11 +277,20 @@ class ScenePlan(Names):
         """Whole turns of angles at the start that `held` and `given` leave out."""
         return self._turns | {c: turns for c, (turns, _) in self._local.items()}
 
-    def laws_until(self, c: str, end: float) -> tuple[Law, ...]:
-        """The laws of a coordinate up to a time [s], or as many as are looked at beforehand."""
+    def laws_until(
+        self, c: str, end: float, most: int | None = _AHEAD
+    ) -> tuple[tuple[Law, ...], float]:
+        """The laws of a coordinate up to a time [s], and up to which time they hold.
+
+        That is less where a source has more than `most` laws, as are looked at beforehand.
+        """
         laws = self.laws[c]
-        known = islice(unrolled(laws, self.sources.get(c)), len(laws) + _AHEAD)
-        return (laws[0], *takewhile(lambda law: law.valid_from <= end, islice(known, 1, None)))
+        every = unrolled(laws, self.sources.get(c))
+        count = None if most is None else len(laws) + most
+        first = islice(every, count)
+        found = (next(first), *takewhile(lambda law: law.valid_from <= end, first))
+        beyond = next(every, None) if len(found) == count else None
+        return found, min(end, beyond.valid_from) if beyond else end
 
     def law_at(self, c: str, t: float = 0.0) -> tuple[float, float, float]:
         """Value, rate and acceleration, a time [s] from the start, by a coordinate's first law."""

@@ -338,7 +338,7 @@ def _turns_on(machine: Machine, link: str) -> bool:
     plan, turn = machine.plan, machine.drive.period
     until = machine.scene.duration or (2.0 * turn if math.isfinite(turn) else 0.0)
     drive = link if link in plan.laws else plan.main
-    laws = plan.laws_until(drive, until) if drive in plan.laws else ()
+    laws, until = plan.laws_until(drive, until) if drive in plan.laws else ((), until)
     steady, straight = bool(laws) and keeps_speed(plan, drive), drive in plan.ideal.displacements
     if not laws or (steady and not any(laws[0].coefficients[1:])):
         return False

@@ -188,9 +188,7 @@ def _try_way(machine: Machine, duration: float) -> None:
         return
     plan = machine.plan
     moving = {
-        c: w
-        for c in plan.prescribed
-        if (w := way_of(plan.laws_until(c, duration), duration))[0] < w[1]
+        c: w for c in plan.prescribed if (w := way_of(*plan.laws_until(c, duration)))[0] < w[1]
     }
     if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
         run = machine.nominal.run([each[0] for each in plan.laws.values()])
@@ -263,19 +261,20 @@ def _try_loops(machine: Machine, duration: float) -> None:
     mechanism, plan = machine.mechanism, machine.plan
     prescribed = plan.prescribed
     laws = {c: plan.laws_until(c, duration) for c in prescribed}
+    duration = min(end for _, end in laws.values())
     loops = machine.plan.loops(prescribed)
     if not loops.rows:
         return
     known = dict(zip(machine.equations.system.free, machine.initial_state().q, strict=True))
     q = np.array([[known.get(c, 0.0)] for c in mechanism.coordinates])
-    ways = [way_of(laws[c], duration) for c in prescribed]
+    ways = [way_of(laws[c][0], duration) for c in prescribed]
     scale = loops.scale[loops.held]
     count = math.ceil(
         sum((high - low) / (_STEP * x) for (low, high), x in zip(ways, scale, strict=True))
     )
     for k in range(min(count, _STEPS) + 1):
         t = duration * k / max(count, 1)
-        law = [next(x for x in reversed(laws[c]) if x.valid_from <= t) for c in prescribed]
+        law = [next(x for x in reversed(laws[c][0]) if x.valid_from <= t) for c in prescribed]
         q[loops.held, 0] = [_value(x, t) for x in law]
         q, left = loops.positions(q)
         if not left[0]:
@@ -368,9 +367,9 @@ def _check_stops(machine: Machine, duration: float) -> None:
 def _span(machine: Machine, duration: float) -> float:
     """Part of a run to be tried [s]."""
     plan = machine.plan
-    laws = (law for c in plan.prescribed for law in plan.laws_until(c, duration))
-    last = max(law.valid_from for law in laws)
-    return min(duration, last + _TURNS * machine.drive.period)
+    looked = [plan.laws_until(c, duration) for c in plan.prescribed]
+    last = max(law.valid_from for laws, _ in looked for law in laws)
+    return min(last + _TURNS * machine.drive.period, *(end for _, end in looked))
 
 
 def _motion(machine: Machine, duration: float) -> tuple[Array, Array]:
@@ -389,7 +388,7 @@ def _driven(machine: Machine, frames: Frames, duration: float) -> tuple[Array, A
     times = np.linspace(0.0, _span(machine, duration), _INSTANTS)
     q = np.zeros((len(frames.coordinates), len(times)))
     for c in machine.plan.prescribed:
-        for law in machine.plan.laws_until(c, float(times[-1])):
+        for law in machine.plan.laws_until(c, float(times[-1]))[0]:
             assert isinstance(law, DriveLaw)  # noqa: S101 - it is prescribed
             now = times >= law.valid_from
             moved = np.polynomial.polynomial.polyval(

@@ -70,7 +70,7 @@ def test_angles_are_right_to_the_last_digit(text, unit, factor):
 
 @pytest.mark.parametrize(
     'text', ['3000 1/min', '3000/min', '3000 min^-1', '3000 min**-1', '3000 min⁻¹', '3000 min-1',
-             '3000 r/min', '3000 RPM', '3000 U/min', '3000 rev/min', '50 rev/s'],
+             '3000 r/min', '3000 RPM', '3000 r.p.m.', '3000 U/min', '3000 rev/min', '50 rev/s'],
 )  # fmt: skip
 def test_what_catalogues_write_for_a_speed_means_revolutions(text):
     """Not 50 rad/s, as the dimension of 1/min alone would have it; of a frequency it is 50 Hz."""
@@ -111,6 +111,7 @@ TRADE = (
     ('3 oz-in', 'N m', 3 * INCH * WEIGHT / 16), ('3 lb/in', 'N/m', 3 * WEIGHT / INCH),
     ('3 oz in^2', 'kg m^2', 3 * POUND / 16 * INCH**2),
     ('3 lb-ft^2', 'kg m^2', 3 * POUND * (12 * INCH) ** 2),
+    ('5 kgfm', 'N m', 5 * Fraction('9.80665')), ('5 kpcm', 'N m', 5 * Fraction('0.0980665')),
     ('2 PS', 'W', 150 * Fraction('9.80665')),  # of 75 kgf m/s each
 )  # fmt: skip
 
@@ -227,6 +228,9 @@ def test_the_example_of_every_refusal_is_accepted(unit):
         ('30 Grad', 'rad', "degrees are 'deg': write for example '30 deg'"),
         ('60 Grad/s', 'rad/s', "has the unit 'Grad/s', in which Grad is"),
         ('1,5 mm', 'm', 'has a decimal comma, 1,5, where a point belongs, as in 1.5'),
+        ('5 1/4 in', 'm', 'has a fraction where a decimal number belongs, as in 5.25 in'),
+        ('3/8 in', 'm', 'a fraction where a decimal number belongs, as in 0.375 in'),
+        ('2 mil', 'm', "a thousandth of an inch is a 'thou'"),
         ('-1.500,25 mm', 'm', 'a decimal comma, -1.500,25, where a point belongs, as in -1500.25'),
         ('1,500 mm', 'm', 'where a point belongs, as in 1.500 or 1500'),
         ('0,254 mm', 'm', 'where a point belongs, as in 0.254'),

@@ -1,6 +1,7 @@
 """Stops of joints, links that touch, welds: tasks of people outside, and textbook cases."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -217,6 +218,36 @@ def test_a_compliant_stop_or_disc_pushes_back_by_hertz(kind):
     assert hit.peak_force == pytest.approx(k * deepest**1.5, rel=1e-9)
     assert hit.duration == pytest.approx(2.0 * whole * deepest / v, rel=1e-9)
     assert last(run)[1] == pytest.approx(-v, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('apart', 'speeds'), [(0.0, [-0.6, 0.4, 0.4, 0.4, 0.4]), (1e-6, [0.0, 0.0, 0.0, 0.0, 1.0])]
+)
+def test_a_row_of_balls_is_struck_as_one_or_one_by_one(apart, speeds):
+    """Newton's cradle without loss: Moreau's law where balls press, else velocities change hands.
+
+    The first comes back with 1 - 2*4/5 of its speed, which with four of 2/5 keeps the energy.
+    """
+    balls = [f'b{k}' for k in range(5)]
+    scene = {
+        'links': {'ground': {}} | {b: {'mass': 0.1} for b in balls},
+        'joints': {f'g_{b}': {'prismatic': ['ground', b]} for b in balls}
+        | {
+            f'c{k}': {'contact': [a, b], 'radii': [0.01, 0.01], 'restitution': 1}
+            for k, (a, b) in enumerate(pairwise(balls))
+        },
+        'initial': {
+            'position': {b: k * (0.02 + apart) - 0.1 * (not k) for k, b in enumerate(balls)},
+            'velocity': {'b0': 1.0},
+        },
+        'loads': {
+            'left': {'at': 'b1', 'force': [1e-9, 0]},
+            'right': {'at': 'b4', 'force': [-1e-9, 0]},
+        },
+    }
+    run = ms.simulate(made(scene), duration=0.2)
+    seen = run.sample([0.2], *(f'velocity.{b}' for b in balls))
+    assert [float(x[0]) for x in seen.values()] == pytest.approx(speeds, abs=1e-7)
 
 
 def test_two_blocks_meet_their_stops_at_one_instant():

@@ -290,6 +290,24 @@ def test_a_kite_whose_crank_is_as_long_as_its_frame():
     assert np.abs(o.velocity[2] / W - rate).max() < 1e-11
 
 
+def test_a_drive_that_two_flat_triangles_hold_cannot_move_on():
+    """Arms of 10 in, bars of 4 in, as a crank of 3 in about 3 in lets them meet at 6 in only."""
+    sides = {'arm': (0.254, 0.1), 'lower_arm': (0.254, -0.1)}
+    links = {'ground': {'points': {'Q': [0.0762, 0.0]}}, 'crank': {'length': 0.0762}}
+    joints, guess = {'Q': revolute('ground.Q', 'crank')}, {}
+    for arm, (long, above) in sides.items():
+        links |= {arm: {'length': long}, f'bar_{arm}': {'length': 0.1016}}
+        guess[f'{arm}.end'] = [0.24, above]
+        joints |= {
+            f'O_{arm}': revolute('ground', arm),
+            f'B_{arm}': revolute('crank.end', f'bar_{arm}'),
+            f'C_{arm}': revolute(f'{arm}.end', f'bar_{arm}.end'),
+        }
+    drive = {'coordinate': 'crank', 'position': 'sin(t)'}
+    with pytest.raises(InputError, match='singular position from which crank cannot move on'):
+        made({'links': links, 'joints': joints, 'drive': drive, 'guess': guess})
+
+
 def test_a_guess_chooses_between_the_branches_at_the_start():
     scene = parallelogram(0.0)
     scene['guess'] = {'coupler': -0.13, 'rocker': -0.23}

@@ -144,6 +144,17 @@ def test_an_unknown_name_is_refused_with_the_nearest():
         known.find('reaction.coupler_rockr')
     with pytest.raises(InputError, match='the drive is not a motor'):
         known.find('motor.torque')
+    for name, said in {
+        'energy': "'energy' stands for several quantities, one is needed: energy.kinetic, energ",
+        'crank': "'crank'; did you mean 'position.crank' or 'velocity.crank' or 'acceleration",
+        'crank_rate': r"'crank_rate'; did you mean 'velocity.crank'\?",
+        'omega.crank': "did you mean 'position.crank' or 'velocity.crank' or",
+        'kinetic': r"'kinetic'; did you mean 'energy.kinetic'\?",
+        'torque': r"'torque'; did you mean 'drive_torque'\?",
+        'x': "no quantity 'x'; quantities begin",
+    }.items():
+        with pytest.raises(InputError, match=said):
+            known.find(name)
     lengths = {'ground': 7.0, 'crank': 2.0, 'coupler': 9.0, 'rocker': 6.0}
     kinematic = catalogue(made({
         'mechanism': 'four_bar', 'links': {x: {'length': y} for x, y in lengths.items()},

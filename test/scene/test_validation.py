@@ -117,6 +117,21 @@ def test_limits_are_told_from_the_turn_that_they_forbid() -> None:
         ms.load_scene('four_bar_nominal', scene)
 
 
+def test_a_crank_may_swing_for_as_long_as_one_likes() -> None:
+    """More laws than are looked at beforehand: the last of them is not the motion after it."""
+    lengths = {'ground': 0.4, 'crank': 0.1, 'coupler': 0.7, 'rocker': 0.3}
+    scene = {f'links.{k}.length': x for k, x in lengths.items()}
+    machine = ms.load_scene(
+        'four_bar_nominal', scene | {'drive': {'position': '170 deg + 80 deg*sin(10*t)'}}
+    )
+    assert run_length(machine, None, 1e4) == 1e4
+    laws, end = machine.plan.laws_until('crank', 20.0, most=30)
+    assert 10.0 < end < 20.0
+    assert np.rad2deg(way_of(laws, end)) == pytest.approx((90.0, 250.0), rel=1e-12)
+    every, whole = machine.plan.laws_until('crank', 20.0, most=None)
+    assert (every[: len(laws)], every[len(laws)].valid_from, whole) == (laws, end, 20.0)
+
+
 def test_the_way_of_a_profile_is_that_of_its_integral() -> None:
     points = {'points': [['0 s', 2], ['1 s', -4], ['3 s', 1]], 'ramp': 'smooth'}
     laws = ms.load_scene(
