@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -22,6 +23,7 @@ from mechanism_sim.report.charts.chart import (
     Panel,
 )
 from mechanism_sim.report.charts.subjects import sections
+from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import typeset
 
 __all__ = ['NIGHT', 'Chart', 'brief', 'figure', 'places', 'sections']
@@ -53,6 +55,7 @@ _CIRCLE = {
     'exponentformat': 'power',
 }  # fmt: skip
 _NOTHING = 'rgba(0,0,0,0)'
+_ROUNDING = TOLERANCES.rounding.acceleration  # of its size: a curve that changes less is constant
 _LAYOUT = {
     'font': {
         'family': 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif',
@@ -334,14 +337,25 @@ def _traces(panel: Panel, curve: ChartCurve) -> Iterator[_Json]:
 def _hover(panel: Panel, curve: ChartCurve) -> str:
     """Text beside a point."""
     x, y = (typeset(axis.unit) for axis in (panel.x, panel.y))
-    digits = '.6f' if panel.x.unit == 's' else '.5g'
+    of_x, of_y = (_format(axis.unit, v) for axis, v in ((panel.x, curve.x), (panel.y, curve.y)))
     said = ['%{hovertext}'] if curve.notes else []
     if panel.form == 'polar':
-        said += [f'%{{r:.5g}} {y}', f'%{{theta:.1f}} {x}']
+        said += [f'%{{r:{of_y}}} {y}', f'%{{theta:.1f}} {x}']
     else:
-        said += [f'%{{x:{digits}}} {x}', f'%{{y:.5g}} {y}']
-    said += ['%{customdata:.6f} s'] if curve.when is not None and panel.x.unit != 's' else []
+        said += [f'%{{x:{of_x}}} {x}', f'%{{y:{of_y}}} {y}']
+    if curve.when is not None and panel.x.unit != 's':
+        said += [f'%{{customdata:{_format("s", curve.when)}}} s']
     return '<br>'.join(said) + '<extra></extra>'
+
+
+def _format(unit: str, values: Array) -> str:
+    """Digits beside a point: microseconds, else five, or more where values differ by less."""
+    known = values[np.isfinite(values)]
+    span, size = (np.ptp(known), np.abs(known).max()) if len(known) else (0.0, 0.0)
+    fine = span > _ROUNDING * size
+    if unit == 's':
+        return f'.{max(6, 4 - math.floor(math.log10(span))) if fine else 6}f'
+    return f'.{5 + max(0, math.floor(math.log10(size / span))) if fine else 5}g'
 
 
 def _data(x: Array, y: Array, round_: bool) -> _Json:
@@ -366,15 +380,17 @@ def _outline(curve: ChartCurve) -> tuple[Array, Array]:
     return np.concatenate(xs)[:-1], np.concatenate(ys)[:-1]
 
 
-def brief(x: ArrayLike) -> NDArray[np.float32]:
-    """Numbers with seven digits: half the data, and more than any screen shows."""
-    return np.asarray(x, np.float32)
+def brief(x: ArrayLike) -> NDArray[Any]:
+    """Numbers with seven digits, half the data, unless they change by less of their size."""
+    values = np.asarray(x, np.float64)
+    return places(values, _ROUNDING * float(np.abs(values[np.isfinite(values)]).max(initial=0.0)))
 
 
-def places(x: NDArray[np.float64]) -> NDArray[Any]:
-    """Times or the like, as briefly as tells them apart on any screen."""
+def places(x: NDArray[np.float64], rounding: float = 0.0) -> NDArray[Any]:
+    """Times or the like, as briefly as tells them apart on any screen, but for rounding."""
     known = x[np.isfinite(x)]
     span = float(np.ptp(known)) if len(known) else 0.0
-    short = brief(x)
-    fine = not len(known) or np.spacing(np.abs(brief(known)).max()) < 3e-5 * span
+    short = np.asarray(x, np.float32)
+    alike = not len(known) or span < rounding
+    fine = alike or np.spacing(np.abs(np.float32(known)).max()) < 3e-5 * span
     return short if fine else np.asarray(x)

@@ -1,5 +1,6 @@
 """The charts of a report: their numbers by a second route, their extremes, their units."""
 
+import base64
 import json
 import math
 import re
@@ -20,6 +21,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.pages.charts import figure, sections
 from mechanism_sim.report.charts import bands, impacts
 from mechanism_sim.report.charts import charted_run as charted_run_module
+from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.charts.charted_run import ChartedRun
 from mechanism_sim.report.charts.thinning import MOST, SampledLine, thin, thinned
 
@@ -314,6 +316,52 @@ def test_a_cam_and_a_gear_show_lift_off_and_backlash():
     error = curves(charts['gear-train-mesh-transmission-error'], 'transmission_error.mesh')[-1]
     assert np.ptp(error.y) == pytest.approx(left.y.max(), rel=1e-3)
     assert left.y.max() == pytest.approx(right.y.max(), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('t', 'y', 'digits'),
+    [
+        ((0.0, 1.0), (45.6e3, 45.6e3 + 1e-3), ('.6f', '.12g')),  # a micrometre at 45 m
+        ((0.0, 1e-6), (1e9, 1e9 + 20.0), ('.10f', '.12g')),
+        ((3600.0, 3600.0 + 1e-4), (0.0, 12.3), ('.8f', '.5g')),
+        ((0.0, 1.0), (36.65, 36.65 + 1e-13), ('.6f', '.5g')),  # constant but for rounding
+    ],
+)
+def test_a_page_tells_small_changes_of_large_values(t, y, digits):
+    at, values = np.linspace(*t, 50), np.linspace(*y, 50)
+    axes = Axis('time', 's'), Axis('position', 'mm')
+    written = figure(Chart('key', 'title', (Panel(*axes, (ChartCurve(at, values),)),)))
+    (trace,) = written['data']
+    read = {k: np.frombuffer(base64.b64decode(trace[k]['bdata']), trace[k]['dtype']) for k in 'xy'}
+    for known, shown in ((at, read['x']), (values, read['y'])):
+        changes = np.ptp(known) if np.ptp(known) > 1e-9 * known.max() else known.max()
+        assert np.abs(known - shown).max() < 1e-4 * changes
+    assert trace['hovertemplate'].startswith(f'%{{x:{digits[0]}}} s<br>%{{y:{digits[1]}}} mm')
+    if digits[1] == '.5g':
+        assert read['y'].dtype == np.float32
+
+
+def test_a_machine_of_micrometres_has_the_charts_of_a_large_one():
+    """Of similar machines without weight forces are as the fourth power of the length."""
+    shapes, ratio = [], 1e-4
+    for s in (1.0, ratio):
+        lengths = {'ground': 387, 'crank': 64, 'coupler': 309, 'rocker': 312}
+        similar = {f'links.{link}.length': s * 1e-3 * x for link, x in lengths.items()}
+        for link, (cog, mass, inertia) in {
+            'crank': (9, 0.6, 2645), 'coupler': (185, 0.24, 2950), 'rocker': (134, 0.23, 3176)
+        }.items():  # fmt: skip
+            similar |= {
+                f'links.{link}.cog': s * 1e-3 * cog, f'links.{link}.mass': s**3 * mass,
+                f'links.{link}.inertia': s**5 * 1e-6 * inertia,
+            }  # fmt: skip
+        similar |= {'gravity': [0, 0], 'sensors': {}}
+        run = simulated('four_bar_nominal', similar, revolutions=1)
+        shapes.append(charts_of(sections(run)))
+    large, small = shapes
+    assert [*small] == [*large]
+    for key, power in (('forces', 4), ('drive-torque', 5)):
+        for own, other in zip(curves(small[key]), curves(large[key]), strict=True):
+            assert own.y.max() == pytest.approx(ratio**power * other.y.max(), rel=1e-6)
 
 
 @pytest.mark.sample(2)

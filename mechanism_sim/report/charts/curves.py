@@ -11,8 +11,9 @@ from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Chart
 from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.lines import OVER_TIME, Abscissa, columns, panels
+from mechanism_sim.tolerances import TOLERANCES
 
-_ROUNDING = {'m': 1e-12, 'rad': 1e-12, 'N': 1e-9, 'N m': 1e-10}
+_ROUNDING = TOLERANCES.rounding
 
 
 def quantities(
@@ -25,13 +26,24 @@ def quantities(
 ) -> list[Chart]:
     """Quantities in one unit over the drive, and over a long run; none if all are rounding."""
     values = [charted.run.series(name) for name in names]
-    if not any(np.abs(s.values).max() > _ROUNDING.get(s.unit, 0.0) for s in values):
+    if not any(np.abs(s.values).max() > _nothing(charted, s.unit) for s in values):
         return []
     found = [over_drive(charted, key, title, names, joint)]
     if run and charted.turns and charted.long:
         title = f'{title} over the whole run'
         found.append(over_time(charted, f'{key}-run', title, names, joint))
     return found
+
+
+def _nothing(charted: ChartedRun, unit: str) -> float:
+    """Size below which values are rounding, for machines of any size; all forces may be it."""
+    size, lines = charted.record.machine.mechanism.size, charted.run.lines
+    if unit not in ('N', 'N m'):
+        return _ROUNDING.solved * {'m': size, 'rad': 1.0}.get(unit, 0.0)
+    forces = [x.values for name, x in lines.items() if charted.run.quantities[name].unit == 'N']
+    energy = lines['energy.kinetic'].values
+    largest = max(float(np.abs(x).max()) for x in [*forces, energy / size])
+    return _ROUNDING.acceleration * largest * (size if unit == 'N m' else 1.0)
 
 
 def over_drive(
