@@ -372,19 +372,20 @@ def _tdms_group(path: Path, group: Any, rate: str) -> list[ChannelSamples]:
     for c in group.channels():
         if c is time or not len(c) or np.asarray(c[:]).dtype.kind not in 'iuf':
             continue
-        even, beside = c.properties.get('wf_increment'), time is not None and len(time) == len(c)
-        if rate and (even or beside):
+        t = (
+            c.time_track() if c.properties.get('wf_increment')
+            else time[:] if time is not None and len(time) == len(c)
+            else None
+        )  # fmt: skip
+        if rate and t is not None:
             raise InputError(f"{path}: channel '{c.name}' has times: leave out --sample-rate")
-        if not (even or beside or rate):
+        if not rate and t is None:
             raise InputError(
                 f"{path}: channel '{c.name}' has neither an interval (wf_increment) nor a channel "
                 "of time beside it: give --sample-rate, as '12 kHz'"
             )
-        t = (
-            c.time_track() if even
-            else time[:] if beside
-            else np.arange(len(c)) / _of_rate(rate)
-        )  # fmt: skip
+        if t is None:
+            t = np.arange(len(c)) / _of_rate(rate)
         unit = str(c.properties.get('unit_string', '')).strip()
         found.append(ChannelSamples(f'{group.name}/{c.name}', t, c[:], unit))
     return found
