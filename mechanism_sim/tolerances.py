@@ -133,8 +133,10 @@ class ContactTolerances(NamedTuple):
     #: error; what is slower is at rest
     still: float = 0.01
     still_least: float = 1e-12
-    #: [N] by which rounding may leave a contact outside of its friction cone
+    #: [N] by which rounding may leave a contact outside of its friction cone, and the same as a
+    #: share of weights and inertia forces: the smaller of them
     cone_force: float = 1e-9
+    cone_share: float = 1e-7
     #: roundings of a guard: one that fell farther did not fall at the same instant
     same_instant: float = 1e3
     #: events at one instant: what then falls at rest does so by rounding
@@ -147,8 +149,10 @@ class ContactTolerances(NamedTuple):
     jams: int = 6
     #: share of the fastest speed: to no slower touch does the damping of a compliant contact refer
     slowest_touch: float = 1e-6
-    #: [m] depth at which a compliant contact begins: its force has no series at zero
+    #: [m] depth at which a compliant contact begins, for its force has no series at zero, and the
+    #: same as a share of the size: the smaller of them, but not less than `touching`
     inside: float = 1e-13
+    inside_share: float = 1e-12
     #: share of the speed that its load makes: what touches slower is loaded from rest
     set_down: float = 0.01
     #: [m/s] sliding speed below which the direction of an oil film's flow is undefined
@@ -166,8 +170,9 @@ class GuardTolerances(NamedTuple):
 
     #: keeps a guard off exact zero, from where the integrator would never fire it
     tiny: float = 1.0625e-300
-    #: [m/N] of forces
+    #: [m/N] of forces, and weight and inertia forces at 1 rad/s [N] below which it is more
     force_scale: float = 1e-6
+    light: float = 1e-4
     #: [s] of tangential velocities
     slip_scale: float = 1e-3
     #: [m] of the margin to jamming

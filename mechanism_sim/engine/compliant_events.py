@@ -47,7 +47,7 @@ def touch_or_part(state: ContactState, gap: int) -> None:
         # the guard is a product: the factor whose zero is nearer in time has fallen
         depth = -float(joint.distance(np.array(terms.value[gap])))
         change = law.damping * abs(terms.acceleration[gap])
-        if depth > _CONTACTS.inside and abs(terms.relief[gap] * terms.rate[gap]) < depth * change:
+        if depth > state.inside and abs(terms.relief[gap] * terms.rate[gap]) < depth * change:
             recovers = state.modes[gap] == Mode.RECOVERING
             state.change(gap, state.mode_of_closed(gap) if recovers else Mode.RECOVERING)
             return
@@ -58,7 +58,7 @@ def touch_or_part(state: ContactState, gap: int) -> None:
         speeds[gap] = max(rate if rate > _CONTACTS.set_down * own else own, state.slowest)
     mode = int(Mode.FREE_FLIGHT if opens else state.mode_of_closed(gap))
     state.set_modes((*state.modes[:gap], mode, *state.modes[gap + 1 :]), tuple(speeds))
-    target = state.present.system.rounding if opens else -_CONTACTS.inside
+    target = state.present.system.rounding if opens else -state.inside
     shift = (target - terms.value[gap]) / terms.compliance[gap][gap]
     for k, w in enumerate(terms.response[gap]):
         state.present.state[k] += w * shift
@@ -68,4 +68,4 @@ def is_leaving(state: ContactState, gap: int) -> bool:
     """True if a contact opens: separating at a depth near zero, where its force vanishes."""
     terms = state.terms()
     depth = -float(state.present.system.gaps[gap].distance(np.array(terms.value[gap])))
-    return depth <= _CONTACTS.inside and bool(terms.rate[gap] > 0.0)
+    return depth <= state.inside and bool(terms.rate[gap] > 0.0)

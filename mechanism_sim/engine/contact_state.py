@@ -25,6 +25,7 @@ from mechanism_sim.engine.contact.problem import (
 from mechanism_sim.engine.dense_output import Status, floats
 from mechanism_sim.engine.event_stages import EventStages
 from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
+from mechanism_sim.engine.guards import force_scale
 from mechanism_sim.engine.present_state import PresentState, rate_of
 from mechanism_sim.engine.system import System
 from mechanism_sim.numerics.complementarity import Indices
@@ -66,6 +67,13 @@ class ContactState:
         names = [gap.name for gap in gaps]
         self.impacts, self.changes = ImpactLog(names), ModeLog(names)
         self.limits = _limits(present, rule, rtol, speed)
+        size = system.mechanism.size
+        depth = min(_CONTACTS.inside, _CONTACTS.inside_share * size)
+        #: [m] depth at which a compliant contact begins
+        self.inside = max(depth, self.limits.touching)
+        gravity = math.hypot(*system.mechanism.gravity)
+        force = system.mechanism.total_mass * (gravity + speed**2 / size)
+        self._cone_force = min(_CONTACTS.cone_force, _CONTACTS.cone_share * force)
         known, self.run = self._arrays()
         self.stages = EventStages(present, self.run, known, self.impacts, self.changes)
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
@@ -97,9 +105,8 @@ class ContactState:
         """Arrays on which events are resolved, without logs: flat, then by name."""
         system, present = self.present.system, self.present
         gaps, m, size = system.gaps, len(system.gaps), system.contact_layout.size
-        least = max(
-            _GUARDS.slip_scale * self.limits.still, _GUARDS.force_scale * _CONTACTS.cone_force
-        )
+        cone = force_scale(system.mechanism) * self._cone_force
+        least = max(_GUARDS.slip_scale * self.limits.still, cone)
         reals = [
             0.0, math.inf, -least, system.rounding, *self.limits,
             *(0.0 for _ in system.prescribed), *(g.restitution for g in gaps),

@@ -6,6 +6,7 @@ have two more, and all that steps (switches, friction in ideal joints) has its o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from mechanism_sim.engine.dynamics import Dynamics, Solved
 from mechanism_sim.engine.run_expressions import RunExpressions
 from mechanism_sim.engine.runtime_parameters import RuntimeParameters, symbols
 from mechanism_sim.numerics.symbolic import dense, mul
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -38,6 +40,14 @@ class Guard(NamedTuple):
     switch: int | None = None
     side: int | None = None
     pin: int | None = None
+
+
+def force_scale(mechanism: Mechanism) -> float:
+    """Scale of forces in guards [m/N], larger for light links: in steps, to compile few scales."""
+    force = mechanism.total_mass * (math.hypot(*mechanism.gravity) + mechanism.size)
+    if not 0.0 < force < _GUARDS.light:
+        return _GUARDS.force_scale
+    return _GUARDS.force_scale * 1024.0 ** math.ceil(math.log(_GUARDS.light / force, 1024.0))
 
 
 def guards_of(dynamics: Dynamics, index: RuntimeParameters) -> list[Guard]:
@@ -82,7 +92,8 @@ def _of_gap(d: Dynamics, gap: int, solved: Solved) -> hy.expression:
     """
     s, jet = d.flags.closed[gap], d.contacts.normal[gap]
     value = dense(jet.rate if jet.value is None else jet.value)
-    force = d.held(gap) if d.contacts.compliant else _GUARDS.force_scale * dense(solved.N[gap])
+    scale = force_scale(d.equations.mechanism)
+    force = d.held(gap) if d.contacts.compliant else scale * dense(solved.N[gap])
     return value + s * (force - value) + _GUARDS.tiny
 
 
@@ -104,7 +115,7 @@ def _of_friction(d: Dynamics, guard: Guard, solved: Solved) -> hy.expression:
     if z is not None:
         push = mul(solved.N[gap], d.compressed(gap)[2]) if d.contacts.compliant else solved.N[gap]
         cone = (_GUARDS.hold * d.contacts.mu[gap]) * dense(push) - guard.friction * solved.T[gap]
-        idle = z * (_GUARDS.force_scale * cone) + idle
+        idle = z * (force_scale(d.equations.mechanism) * cone) + idle
     return idle + _GUARDS.tiny
 
 
@@ -112,12 +123,13 @@ def _of_joint_friction(run: RunExpressions, guard: Guard) -> hy.expression:
     """Positive until a normal force changes sign, a pin force rotates far, or a joint jams."""
     forces, index = run.set_valued, run.parameters
     found = forces.acting(run.dynamics.stabilised)
+    scale = force_scale(run.dynamics.equations.mechanism)
     if guard.side is not None:
         side = hy.par[index.sides[guard.side]]
-        return _GUARDS.force_scale * (side * found.pressed[guard.side] + forces.least)
+        return scale * (side * found.pressed[guard.side] + forces.least)
     if guard.pin is not None:
         x, y = found.carried[guard.pin]
         ux, uy = symbols(index.towards[2 * guard.pin : 2 * guard.pin + 2])
         size = hy.sqrt(x * x + y * y + forces.least * forces.least)
-        return _GUARDS.force_scale * (x * ux + y * uy + 0.5 * size + forces.least)
+        return scale * (x * ux + y * uy + 0.5 * size + forces.least)
     return _GUARDS.jam_scale * (dense(found.jam_margin) - _GUARDS.joint_jammed) + _GUARDS.tiny

@@ -380,6 +380,11 @@ class Tree:
         return sum(b.mass for b in self.bodies) * math.hypot(*self.gravity) * self.size
 
     @cached_property
+    def total_mass(self) -> float:
+        """Mass of all links [kg], with their moments of inertia at the distance of the size."""
+        return sum(b.mass + b.inertia / self.size**2 for b in self.bodies)
+
+    @cached_property
     def longest(self) -> float:
         """Longest distance between two points of one link, or extent of a higher pair [m].
 

@@ -144,7 +144,7 @@ class EquationsOfMotion:
         for shift in (np.zeros(len(q)), *beside):
             moved = inertial_motion(mechanism, q + shift)[:, free]
             if without_mass(moved, np.zeros((0, len(free)))).size:
-                return sum(b.mass + b.inertia / mechanism.size**2 for b in mechanism.bodies)
+                return mechanism.total_mass
         return 0.0
 
     @property

@@ -111,6 +111,33 @@ def test_figures_of_a_scaled_machine_are_those_of_their_units(scene: str) -> Non
             ), (name, factors)
 
 
+MICRO, GIANT, LIGHT = (2.0**-20, 2.0**-40, 2.0**-7), (2.0**20, 1.0, 1.0), (1.0, 2.0**-30, 1.0)
+
+
+@pytest.mark.parametrize('factors', [MICRO, GIANT, LIGHT], ids=['micro', 'giant', 'light'])
+def test_a_pin_that_yields_and_rubs_strikes_alike_at_extreme_scales(factors: Any) -> None:
+    """Contact begins at a depth beside the size; it turns from sticking by its own force."""
+    factors = np.array(factors)
+    contact = {'law': 'lankarani_nikravesh', 'stiffness': 1e8, 'exponent': 1.5}
+    own = {'restitution': 0.7, 'friction': 0.1, 'pin_radius': '6 mm', 'contact': contact}
+    clearance = {f'joints.coupler_rocker.clearance.{key}': x for key, x in own.items()}
+    machine = ms.load_scene('four_bar_clearance', clearance | {'start': 'centred'})
+    data = scaled(machine, factors)
+    K = 1e8 * factors[1] / factors[2] ** 2 / factors[0] ** 0.5
+    data['joints']['coupler_rocker']['clearance']['contact']['stiffness'] = float(K)
+    first = ms.simulate(machine, duration=0.012)
+    second = ms.simulate(made(data), duration=0.012 * factors[2])
+    assert [x.mode for x in second.modes] == [x.mode for x in first.modes]
+    impulse = factors[0] * factors[1] / factors[2]
+    assert len(second.impacts) == len(first.impacts) == 1
+    for one, other in zip(first.impacts, second.impacts, strict=True):
+        assert other.t / factors[2] == pytest.approx(one.t, rel=1e-9)
+        assert other.normal_impulse / impulse == pytest.approx(one.normal_impulse, rel=1e-8)
+        assert other.tangential_impulse / impulse == pytest.approx(
+            one.tangential_impulse, rel=1e-8
+        )
+
+
 @pytest.mark.sample(3)
 @pytest.mark.parametrize('scene', [x for x in SCENES if x not in ('catapult', 'detent')])
 def test_figures_do_not_depend_on_the_order_of_parts(scene: str) -> None:
