@@ -23,7 +23,7 @@ from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from test.grid.joint_jams import no_forces
+from test.grid.joint_jams import JointForces, no_forces
 
 _NEAR = 1e-9  # of the size, and of the fastest speed: what touches, and what does not slip
 _BEFORE = 1e-9  # of the time: how long before the jam the state is taken
@@ -51,26 +51,35 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
     rows = [*touching, *(count + i for i in touching)]
     frictional = bool(machine.equations.system.dynamics.frictional_joints)
 
-    def ends() -> bool:
+    def rates() -> tuple[Array, JointForces | None]:
         terms = run.contact_terms
         v = np.array([terms.rate[r] if r < len(terms.rate) else 0.0 for r in rows])
         v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
-        if frictional:
-            return no_forces(run, machine.equations.system, touching, v[len(touching) :], friction)
+        return v, JointForces(run, machine.equations.system) if frictional else None
+
+    def ends(v: Array, joints: JointForces | None) -> bool:
+        if joints:
+            return no_forces(joints, touching, v[len(touching) :], friction)
+        terms = run.contact_terms
         A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
         b = np.array([terms.free_acceleration[r] for r in rows])
         return jams(A, b, v, friction.tolist())
 
-    if ends():
+    before, joints_before = rates()
+    if ends(before, joints_before):
         return True
     # forces may exist up to the jam, where two solutions become one or grow without bound: behind
-    # it, at the same rates, there are none
+    # it, at the same rates, there are none; what rests before it rests there, too
     moved = run.state
     ahead = _BEHIND * max(at, 1e-3)
     q = [x + ahead * v for x, v in zip(moved.q, moved.v, strict=True)]
     run._state[: len(q)] = q
     run._ta.time += ahead
-    return ends()
+    v, joints = rates()
+    v[before == 0.0] = 0.0
+    if joints and joints_before:
+        joints.slips[joints_before.slips == 0.0] = 0.0
+    return ends(v, joints)
 
 
 def confirm_bending(machine: Machine, error: RunError) -> bool:

@@ -108,9 +108,7 @@ class JointForces:
         return left
 
 
-def no_forces(
-    run: EventLoop, system: System, touching: Sequence[int], rates: Array, friction: Array
-) -> bool:
+def no_forces(f: JointForces, touching: Sequence[int], rates: Array, friction: Array) -> bool:
     """True if no forces obey Newton, Signorini and Coulomb.
 
     Parameters
@@ -119,7 +117,7 @@ def no_forces(
     rates : (m,) of their slips, exactly zero where they are at rest
     friction : (m,) Coulomb's coefficients
     """
-    f, m = JointForces(run, system), len(touching)
+    m = len(touching)
     contacts: list[Modes] = [
         ('open', *((float(s),) if s else (1.0, -1.0, 'stick'))) for s in np.sign(rates)
     ]
