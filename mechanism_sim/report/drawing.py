@@ -212,17 +212,30 @@ class Labels:
         return move
 
     def _link(self, name: str, outline: Array) -> Move:
-        """Label a link: along a bar, on its outer side; inside a plate; above a lone slider."""
+        """Label a link: along a bar, on its outer side; inside a plate; above a lone slider.
+
+        Beside a bar, too, that is shorter than its name.
+        """
         if len(outline) != 2:
             middle, high = outline.mean(axis=0), np.array([0.0, 2.2 * self._s + self._pt(5.0)])
             beside = np.array([0.0, 0.0]) if len(outline) > 2 else high
             aside = np.array([self._half(name)[0] + 2.2 * self._s, 0.0])
             return self._beside(name, outline, [beside, high, -high, aside, -aside], middle)
-        half = self._half(name)[1] + 0.55 * self._s + self._pt(1.5)
-        side = half * np.sign(self._outward(outline) or 1.0)
+        half, gap = self._half(name), 0.55 * self._s + self._pt(1.5)
+        side = (half[1] + gap) * np.sign(self._outward(outline) or 1.0)
         ways = [(share, way) for share in (0.5, 0.36, 0.64, 0.25, 0.75) for way in (side, -side)]
-        best = self._best(name, (_along(outline, *way) for way in ways))
-        text, way = self._text(name, _along(outline, *ways[best])), ways[best]
+        spots, middle = [_along(outline, *way) for way in ways], outline.mean(axis=0)
+        if 2.0 * half[0] > np.hypot(*(outline[1] - outline[0])):
+            aside = half[0] + 2.0 * gap
+            spots += [
+                _Spot(middle + np.array([x, y * self._pt(_SIZE)]), 0.0)
+                for y in (0.0, 1.0, -1.0) for x in (aside, -aside)
+            ]  # fmt: skip
+        best = self._best(name, spots)
+        text = self._text(name, spots[best])
+        if best >= len(ways):
+            return _following(text, spots[best].middle - middle)
+        way = ways[best]
 
         def move(now: Array) -> None:
             spot = _along(now, *way)
@@ -268,12 +281,7 @@ class Labels:
         near, up = list(places), self._pt(11.0) * np.array([0.0, 1.0])
         offsets = [x + n * np.sign(x) * up for n in (0, 1, 2) for x in near]
         best = offsets[self._best(name, (_Spot(at + offset, 0.0) for offset in offsets))]
-        text = self._text(name, _Spot(at + best, 0.0), **more)
-
-        def move(now: Array) -> None:
-            text.set_position(now.mean(axis=0) + best)
-
-        return move
+        return _following(self._text(name, _Spot(at + best, 0.0), **more), best)
 
     def _best(self, name: str, spots: Iterable[_Spot]) -> int:
         """Index of the candidate position of least cost."""
@@ -317,6 +325,11 @@ class Labels:
 
 
 _GRID = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), [-0.9, 0.0, 0.9]), axis=-1).reshape(-1, 2)
+
+
+def _following(text: Any, offset: Array) -> Move:
+    """Keep a name at an offset from the middle of an outline."""
+    return lambda now: text.set_position(now.mean(axis=0) + offset)
 
 
 def _readable(name: str) -> str:

@@ -87,6 +87,26 @@ def test_names_do_not_cover_each_other(scene):
     assert not list(overlapping(figure))
 
 
+def test_names_longer_than_their_bars_do_not_cover_each_other():
+    """A hanging chain of twenty, to and fro."""
+    rods = [f'connecting_rod_{k}' for k in range(20)]
+    bar = {'length': '100 mm', 'cog': '50 mm', 'mass': '0.1 kg', 'inertia': 1e-4}
+    ends = ['ground', *(f'{rod}.end' for rod in rods)]
+    chain = {
+        'title': 'Chain', 'mechanism': 'linkage', 'links': dict.fromkeys(rods, bar),
+        'joints': {
+            f'bearing_{k}': {'revolute': [ends[k], rod]} for k, rod in enumerate(rods)
+        },
+        'initial': {
+            'position': {rod: f'{-60 - 60 * (k % 2)} deg' for k, rod in enumerate(rods)}
+        },
+        'duration': '0.1 s',
+    }  # fmt: skip
+    figure = ms.draw(made(chain))
+    figure.canvas.draw()
+    assert not list(overlapping(figure))
+
+
 def test_bars_reach_from_joint_to_joint():
     machine = ms.load_scene('four_bar_nominal')
     found, t = instant(machine, angle=math.radians(50.0))
