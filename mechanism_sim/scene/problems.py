@@ -80,7 +80,7 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         models, there = _at(model, path[:-1]), _value(data, path[:-1])
         known = _keys(models, there)
         hint = _other_word(models, path[-1])
-        hint = hint or nearest(path[-1], known, deeper=_deeper(models, path[-1], there))
+        hint = hint or nearest(path[-1], known, deeper=deeper(models, path[-1], there))
         return f"unknown key '{where}'{hint}; allowed here: {', '.join(known)}"
     if kind == 'missing':
         return f"'{where}' is missing"
@@ -218,7 +218,7 @@ def _other_word(models: Iterable[type[BaseModel]], word: str) -> str:
     return other_word(word, known)
 
 
-def _deeper(models: Iterable[type[BaseModel]], key: str, data: Any) -> list[str]:
+def deeper(models: Iterable[type[BaseModel]], key: str, data: Any) -> list[str]:
     """Paths to a key in the parts of some models; none if these are so many that they say little.
 
     Parts by name are at NAME, the first of a list is at 0.

@@ -239,6 +239,14 @@ def test_zeros_of_keys_of_other_kinds_are_as_good_as_left_out():
         ms.load_scene('slider_crank', {'joints.crank_rod.pretension': '1 N'})
 
 
+@pytest.mark.parametrize('key', ['restitution', 'hypothesis'])
+def test_keys_of_a_clearance_beside_it_are_told_their_place(key):
+    """Cams and gears have them themselves, so they are keys of joints."""
+    change = {f'joints.crank_rod.{key}': 0.5}
+    with pytest.raises(InputError, match=rf"did you mean 'clearance\.{key}' or 'stops\.{key}'"):
+        ms.load_scene('slider_crank', change)
+
+
 @pytest.mark.parametrize('points', [5, [], 'ground', ['ground']])
 def test_keys_of_other_kinds_are_refused_beside_points_that_are_none(points):
     change = {'joints.crank_rod': {'revolute': points, 'stiffness': 3.0}}
