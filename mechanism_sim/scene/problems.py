@@ -93,7 +93,8 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         return f'{where if isinstance(value, dict) else shown} {context["error"]}'.lstrip()
     if kind == 'literal_error':
         allowed = re.findall(r"'([^']*)'", str(context['expected']))
-        hint = _other_word(_at(model, path[:-1]), str(value)) or nearest(str(value), allowed)
+        word = path[-1] if isinstance(value, Mapping) else str(value)
+        hint = _other_word(_at(model, path[:-1]), word) or nearest(word, allowed)
         return f'{shown} is not possible{hint}; allowed: {context["expected"]}'
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
@@ -173,9 +174,18 @@ def _must_be(problem: ErrorDetails, model: type[BaseModel], path: list[str]) -> 
             return 'a list'
         example = ', '.join(EXAMPLES[q.units[0]] for q in quantities[:2])
         alike = len(quantities) >= 2
-        return f'a list of two quantities, for example [{example}]' if alike else 'a list of two'
+        cut = _cut_at_commas(problem.get('input'))
+        return f'a list of two{f" quantities, for example [{example}]" if alike else ""}{cut}'
     said = ' or '.join(filter(None, (f.render() for f in facts)))
     return f'of another kind{f" ({said})" if said else ""}'
+
+
+def _cut_at_commas(value: Any) -> str:
+    """Advice on formulas of which YAML made several entries of a list."""
+    texts = [x for x in value if isinstance(x, str)] if isinstance(value, list | tuple) else []
+    if all(x.count('(') == x.count(')') for x in texts):
+        return ''
+    return ', and a formula with a comma needs quotes: ["hypot(vx, vy)", ...]'
 
 
 def _place(problem: ErrorDetails, data: Any) -> list[str]:

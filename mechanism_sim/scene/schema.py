@@ -577,6 +577,7 @@ class AnyScene(Part):
         'g': "'gravity', as in gravity: [0, -9.81 m/s^2]",
         'bodies': "'links'",
         'constraints': "'joints'",
+        'start': "'initial', as in initial: {position: {LINK: 30 deg}}",
     }
 
     def to_yaml(self) -> str:

@@ -368,3 +368,20 @@ def test_parts_that_were_made_stay_as_they_are() -> None:
         )
         with pytest.raises(InputError, match=said):
             setattr(part, key, None)
+
+
+def test_formulas_that_yaml_cut_at_their_commas_are_told_to_need_quotes(tmp_path):
+    scene = tmp_path / 'ball.yaml'
+    scene.write_text("""
+mechanism: linkage
+links: {arm: {length: 1 m, mass: 1 kg}}
+joints: {pin: {revolute: [ground, arm]}}
+loads: {drag: {at: arm.end, force: [-hypot(vx, vy)*vx, -hypot(vx, vy)*vy]}}
+""")
+    with pytest.raises(InputError, match='a formula with a comma needs quotes'):
+        ms.load_scene(scene)
+
+
+def test_a_start_by_values_of_coordinates_is_told_its_key():
+    with pytest.raises(InputError, match=r"here that is 'initial', as in initial: {position"):
+        ms.load_scene('pendulum', {'start': {'position': {'bar': '30 deg'}}})
