@@ -157,7 +157,8 @@ class Friction(Part):
 
     @model_validator(mode='after')
     def _one_size(self) -> Friction:
-        if len({'coefficient', 'efficiency'} & self.model_fields_set) != 1:
+        without = 'coefficient' not in self.model_fields_set
+        if without if self.efficiency is None else self.coefficient:
             raise ValueError("needs a 'coefficient', or of a chain its 'efficiency' instead")
         return self
 
