@@ -250,9 +250,7 @@ class ClearanceSpec(Part):
 
 def clearance_spec_of(given: Any, radial: float) -> ClearanceSpec:
     """The clearance of a joint whose keys give restitution and so on under other names."""
-    keys = {'hypothesis', 'friction', 'pin_radius', 'contact'}.intersection(
-        type(given).model_fields
-    )
+    keys = {'hypothesis', 'friction', 'pin_radius', 'contact'} & given.model_fields_set
     said = {key: getattr(given, key) for key in keys}
     return ClearanceSpec(radial=radial, restitution=given.restitution or 0.0, **said)
 
