@@ -171,6 +171,8 @@ _BY_WEIGHT = re.compile(r'(?<![A-Za-z])(lb|lbs|pounds?|oz|ounces?)(?![A-Za-z])')
 _FORCES = {'l': 'lbf', 'p': 'lbf', 'o': 'ozf'}
 _GERMAN_DEGREE = re.compile(r'(?<![A-Za-z])Grad(?![A-Za-z])')
 """German word for degrees, which as a unit would be a thousand million radians."""
+_TON = re.compile(r'(?<![A-Za-z_])tons?(?![A-Za-z_])')
+"""To pint 2000 pounds, to most people who write it 1000 kilograms."""
 _KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
 
 _OPERATION = re.compile(r'\*|/\d')
@@ -718,6 +720,11 @@ def _converted_by_pint(number: str, read: str, given: str, unit: str, hint: str)
     if _GERMAN_DEGREE.search(read):
         raise ValueError(
             f"has the unit '{given}', in which Grad is 1e9 radians: degrees are 'deg': {hint}"
+        )
+    if _TON.search(read):
+        raise ValueError(
+            f"has the unit '{given}', in which a ton may be 1000 kg, 't', or 907.18474 kg, "
+            f"'short_ton': {hint}"
         )
     ureg = _registry()
     try:

@@ -157,7 +157,8 @@ class Friction(Part):
 
     @model_validator(mode='after')
     def _one_size(self) -> Friction:
-        if len({'coefficient', 'efficiency'} & self.model_fields_set) != 1:
+        without = 'coefficient' not in self.model_fields_set
+        if without if self.efficiency is None else self.coefficient:
             raise ValueError("needs a 'coefficient', or of a chain its 'efficiency' instead")
         return self
 
@@ -249,9 +250,7 @@ class ClearanceSpec(Part):
 
 def clearance_spec_of(given: Any, radial: float) -> ClearanceSpec:
     """The clearance of a joint whose keys give restitution and so on under other names."""
-    keys = {'hypothesis', 'friction', 'pin_radius', 'contact'}.intersection(
-        type(given).model_fields
-    )
+    keys = {'hypothesis', 'friction', 'pin_radius', 'contact'} & given.model_fields_set
     said = {key: getattr(given, key) for key in keys}
     return ClearanceSpec(radial=radial, restitution=given.restitution or 0.0, **said)
 

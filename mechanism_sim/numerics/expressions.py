@@ -27,14 +27,14 @@ import numpy as np
 from mechanism_sim.errors import InputError, nearest, other_word, quoted
 from mechanism_sim.units import alike, common, product, read_common, root
 
-SMOOTH = 'sin', 'cos', 'tan', 'exp', 'log', 'sqrt', 'tanh'
+SMOOTH = 'sin', 'cos', 'tan', 'atan', 'exp', 'log', 'sqrt', 'tanh'
 CORNERED = 'abs', 'sign', 'min', 'max'
 """Functions with a corner or a step."""
 
 FUNCTIONS = {**dict.fromkeys((*SMOOTH, 'abs', 'sign'), 1), 'min': 2, 'max': 2, 'hypot': 2}
 """Functions everywhere: 1 where there is one argument, 2 where there are two or more."""
 
-ALIASES = {'ln': 'log'}
+ALIASES = {'ln': 'log', 'arctan': 'atan'}
 """Other names of functions, which are understood where nothing else has them."""
 
 _CHOICE = "'A if X > Y else B'"

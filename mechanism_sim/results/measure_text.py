@@ -95,7 +95,8 @@ class Figure:
     def steep(self) -> list[tuple[str, ExpressionNode]]:
         """Functions whose peaks may be narrower than those of the motion, innermost first.
 
-        Names and arguments of exp and tanh; divisors that vary, that of tan among them, as 'over'.
+        Names and arguments of exp and tanh; divisors that vary, those of tan and of the slope of
+        atan among them, as 'over'.
         A log goes to its pole so slowly that it is seen from afar.
         """
         found: list[tuple[str, ExpressionNode]] = []
@@ -107,6 +108,10 @@ class Figure:
                     found.append(('over', node.args[1]))
                 case 'tan':
                     found.append(('over', ExpressionNode('call', node.args, 'cos')))
+                case 'atan':
+                    one = ExpressionNode('number', value=1.0)
+                    square = ExpressionNode('*', (*node.args, *node.args))
+                    found.append(('over', ExpressionNode('+', (one, square))))
         return [(name, x) for name, x in found if x.names]
 
     @cached_property

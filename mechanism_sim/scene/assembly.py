@@ -63,18 +63,26 @@ def assemble(plan: ScenePlan) -> Assembly:
             kinematics.edges.check(q[:, None])
         except RunError as error:
             raise InputError(f'at the start {error}') from error
-    moving = plan.kinematics(plan.prescribed)
+    prescribed = plan.prescribed
+    driven = [*prescribed, *(c for c in plan.powered if c in plan.begins)]
+    moving = plan.kinematics(prescribed)
     soft = (*plan.elastic, *plan.clearances)
     ranks, hard = _ranks(moving, q, soft), sum(r not in soft for r in moving.rows)
     if ranks[0] < len(moving.sought) or ranks[1] > ranks[0] or ranks[2] < hard:
         # at this position only, if the rank is higher nearby
         beside = [_ranks(moving, x, soft) for x in neighbours(moving, q).T]
         ranks = np.max([ranks, *beside], axis=0)
+        spare = len(moving.sought) - len(moving.rows)  # by Kutzbach
+        if driven and len(moving.sought) - ranks[0] > max(spare, len(driven) - len(prescribed)):
+            # links lie on one another, as in a folded rhombus: they may lie apart, too
+            for x in _around(kinematics, guess).T:
+                if (others := _ranks(moving, x, soft))[0] == len(moving.rows):
+                    q, ranks = guess + _wrapped(kinematics, (x - guess)[:, None])[:, 0], others
+                    break
     freedom, overdriven = len(moving.sought) - int(ranks[0]), int(ranks[1] - ranks[0])
     v, slope = _started(plan, moving, q), None
-    driven = [*plan.prescribed, *(c for c in plan.powered if c in plan.begins)]
     along = plan.kinematics(driven)
-    decided = driven and freedom == len(driven) - len(plan.prescribed)
+    decided = driven and freedom == len(driven) - len(prescribed)
     singular = decided and along.independence(q[:, None])[0] < _BRANCHES.singular
     # at a dead point of the drive only its own column is missing, and no branches meet
     if singular and plan.kinematics(()).independence(q[:, None])[0] < _BRANCHES.singular:
@@ -274,29 +282,46 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
     joints say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half
     a turn.
     """
-
-    def fits(q: Array, left: Array) -> NDArray[np.bool_]:
-        return np.asarray((left == 0.0) & (kinematics.faces(q) if targets is None else True))
-
     q, left = kinematics.positions(guess[:, None], targets)
-    if not fits(q, left)[0]:
-        spread = np.random.default_rng(1).standard_normal((len(guess), _TRIES))
-        slides = [c in kinematics.mechanism.displacements for c in kinematics.coordinates]
-        spread *= np.where(slides, kinematics.mechanism.size, 1.0)[:, None]
-        spread *= np.linspace(0.05, 2.0, _TRIES)
-        spread[kinematics.held] = 0.0
-        first, missed = q, left
-        q, left = kinematics.positions(guess[:, None] + spread, targets)
-        far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
-        good = fits(q, left)
-        if not good.any():
-            best = int(np.argmin(left))
-            near, miss = (
-                (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
-            )
-            raise _refusal(kinematics, near, float(miss), targets)
-        q = q[:, [int(np.where(good, far, np.inf).argmin())]]
+    if not _fits(kinematics, q, left, targets)[0]:
+        found = _around(kinematics, guess, targets, (q, left))
+        q = found[:, :1]
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
+
+
+def _fits(
+    kinematics: Kinematics, q: Array, left: Array, targets: Array | None
+) -> NDArray[np.bool_]:
+    """Mask (N,) of results of `Kinematics.positions` that close the loops as the joints say."""
+    return np.asarray((left == 0.0) & (kinematics.faces(q) if targets is None else True))
+
+
+def _around(
+    kinematics: Kinematics,
+    guess: Array,
+    targets: Array | None = None,
+    first: tuple[Array, Array] | None = None,
+) -> Array:
+    """Coordinates (n, N) that Newton's method reaches from around a guess, the nearest first.
+
+    `first` is its result from the guess itself, for the message if there are none.
+    """
+    spread = np.random.default_rng(1).standard_normal((len(guess), _TRIES))
+    slides = [c in kinematics.mechanism.displacements for c in kinematics.coordinates]
+    spread *= np.where(slides, kinematics.mechanism.size, 1.0)[:, None]
+    spread *= np.linspace(0.05, 2.0, _TRIES)
+    spread[kinematics.held] = 0.0
+    q, left = kinematics.positions(guess[:, None] + spread, targets)
+    far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
+    good = _fits(kinematics, q, left, targets)
+    if not good.any() and first:
+        best = int(np.argmin(left))
+        near, miss = (q[:, best], left[best])
+        if left[best] >= first[1][0]:
+            near, miss = first[0][:, 0], first[1][0]
+        raise _refusal(kinematics, near, float(miss), targets)
+    order = np.argsort(np.where(good, far, np.inf), kind='stable')
+    return q[:, order[: good.sum()]]
 
 
 def nearest_rates(

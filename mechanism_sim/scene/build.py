@@ -242,7 +242,8 @@ def _check_joints(machine: Machine) -> None:
         _check_clearance(where, 'contact', clearance, soft)
         of_materials = clearance.contact and clearance.contact.materials
         shaped = isinstance(clearance, Clearance) and (clearance.profile or clearance.wear)
-        if clearance.pin_radius and not (clearance.friction or of_materials or shaped):
+        rubs = 'friction' in clearance.model_fields_set  # 0, too: studies vary it from there
+        if clearance.pin_radius and not (rubs or of_materials or shaped):
             raise InputError(
                 f'{where}.pin_radius = {clearance.pin_radius:g} m has no effect without friction: '
                 'give friction too, or leave it out'

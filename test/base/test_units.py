@@ -230,6 +230,7 @@ def test_the_example_of_every_refusal_is_accepted(unit):
         ('1,5 mm', 'm', 'has a decimal comma, 1,5, where a point belongs, as in 1.5'),
         ('5 1/4 in', 'm', 'has a fraction where a decimal number belongs, as in 5.25 in'),
         ('3/8 in', 'm', 'a fraction where a decimal number belongs, as in 0.375 in'),
+        ('2 tons', 'kg', "in which a ton may be 1000 kg, 't', or 907.18474 kg, 'short_ton'"),
         ('2 mil', 'm', "a thousandth of an inch is a 'thou'"),
         ('-1.500,25 mm', 'm', 'a decimal comma, -1.500,25, where a point belongs, as in -1500.25'),
         ('1,500 mm', 'm', 'where a point belongs, as in 1.500 or 1500'),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy
 from builders import compilations, made
+from scipy.integrate import quad
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
@@ -110,6 +111,26 @@ def test_steep_formulas_are_not_stepped_over(width):
     assert solution.sample(t, 'velocity.block')['velocity.block'] == pytest.approx(
         wanted, abs=1e-12
     )
+    assert abs(solution.energy.residual) < 1e-12
+
+
+@pytest.mark.parametrize('width', [0.1, 1e-3])
+def test_friction_by_an_arc_tangent_takes_the_time_that_its_integral_says(width):
+    """``m v' = -F (2/pi) atan(v/w)``: ``dt = -m dv/F``, over the share of F."""
+    scene = {
+        'links': {'block': {'mass': 2.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'drive': {'coordinate': 'block', 'speed': '1 m/s', 'force': {}},
+        'loads': {'drag': {'at': 'block', 'force': [f'-8/pi*atan(vx/{width})', 0]}},
+    }
+    solution = ms.simulate(made(scene), duration=0.5)
+    t = np.linspace(0.1, 0.5, 5)
+    for end, v in zip(t, solution.sample(t, 'velocity.block')['velocity.block'], strict=True):
+        spent, _ = quad(
+            lambda x: 2.0 * np.pi / 8.0 * np.exp(x) / np.arctan(np.exp(x) / width),
+            np.log(v), 0.0, epsabs=0.0, epsrel=1e-12, limit=200,
+        )  # fmt: skip
+        assert spent == pytest.approx(end, rel=1e-11)
     assert abs(solution.energy.residual) < 1e-12
 
 

@@ -513,11 +513,17 @@ def test_a_measure_sees_what_its_text_makes_narrow(width):
     run = ms.simulate(machine, revolutions=1)
     T = run.duration
     away, u = f'((t - {0.5 * T!r} s)/({width} s))', 0.5 * T / width
+
+    def area(x):
+        return x * math.atan(x) - 0.5 * math.log1p(x * x)
+
     known = {
         f'integral(exp(-{away}**2))': math.sqrt(math.pi) * width * math.erf(u),
         f'mean(exp(-{away}**2))': math.sqrt(math.pi) * width * math.erf(u) / T,
         f'rms(1/(1 + {away}**2))': math.sqrt((math.atan(u) + u / (1.0 + u * u)) * width / T),
         f'integral(1 - tanh({away})**2)': 2.0 * width * math.tanh(u),
+        f'integral(atan({away} + {u / 3.0!r}))': width
+        * (area(4.0 * u / 3.0) - area(2.0 * u / 3.0)),
         f'share(exp(-{away}**2) > 0.5)': 2.0 * width * math.sqrt(math.log(2.0)) / T,
         f'highest(exp(-{away}**2))': 1.0,
         f'percentile(1/(1 + {away}**2), 50)': 1.0 / (1.0 + 0.25 * u * u),

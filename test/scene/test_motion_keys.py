@@ -152,6 +152,20 @@ def test_periodic_speeds_go_on_by_any_way_in_a_period(how, begin):
     assert late.coefficients[1:] == pytest.approx(near.coefficients[1:], rel=1e-9, abs=1e-7)
 
 
+def test_the_second_shaft_of_a_hookes_joint_by_a_formula():
+    """``tan(b) = tan(a)/cos(angle)`` between the shafts; its formula turns on with the first."""
+    k, angle = math.tan(math.radians(15.0)) ** 2, math.radians(30.0)
+    ahead = f'arctan({k!r}*sin(20 rad/s*t)/(1 - {k!r}*cos(20 rad/s*t)))'
+    drive = {'coordinate': 'arm', 'position': f'10 rad/s*t + {ahead}'}
+    run = ms.simulate(made(ARM, drive=drive), duration=2.0)
+    t = np.linspace(0.0, 2.0, 23)
+    at = run.sample(t, 'position.arm', 'velocity.arm')
+    turned = np.unwrap(np.arctan2(np.sin(10.0 * t), math.cos(angle) * np.cos(10.0 * t)))
+    assert at['position.arm'] == pytest.approx(turned, abs=1e-14)
+    rate = 10.0 * math.cos(angle) / (1.0 - (math.sin(angle) * np.cos(10.0 * t)) ** 2)
+    assert at['velocity.arm'] == pytest.approx(rate, rel=1e-13)
+
+
 @pytest.mark.parametrize(
     ('how', 'largest'), [('cubic', 6.0), ('quintic', 10.0 / math.sqrt(3.0))]
 )  # fmt: skip

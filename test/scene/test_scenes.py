@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from builders import read_scene
+from builders import PLAY, digest_of, read_scene
 from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
@@ -129,6 +129,12 @@ def test_bad_input_is_refused_with_the_key_the_value_and_what_is_allowed(key, va
     text = refusal({key: value})
     for part in said:
         assert part in text, text
+
+
+def test_friction_may_be_varied_from_zero_on():
+    """With no friction the pin has no arm: the motion is the same to the last bit."""
+    rubbing = {f'{PLAY}.friction': 0.0, f'{PLAY}.pin_radius': '6 mm', 'start': 'centred'}
+    assert digest_of(LOOSE, rubbing, 0.02) == digest_of(LOOSE, {'start': 'centred'}, 0.02)
 
 
 def test_a_pressed_start_at_a_change_point_is_refused():

@@ -167,6 +167,38 @@ def test_rates_that_nothing_determines_are_those_of_a_machine_of_any_size() -> N
     assert min(map(abs, rates(1.0))) > 0.01
 
 
+PEAUCELLIER = {
+    'links': {
+        'ground': {'points': {'centre': ['50 mm', '0 mm']}},
+        'crank': {'length': '50 mm'},
+        **{name: {'length': '150 mm'} for name in ('upper', 'lower')},
+        **{name: {'length': '60 mm'} for name in ('one', 'two', 'three', 'four')},
+    },
+    'joints': {
+        name: {'revolute': pair.split()}
+        for name, pair in {
+            'a': 'ground.centre crank', 'b': 'ground upper', 'c': 'ground lower',
+            'd': 'crank.end one', 'e': 'crank.end two', 'f': 'upper.end one.end',
+            'g': 'lower.end two.end', 'h': 'upper.end three', 'i': 'lower.end four',
+            'j': 'three.end four.end',
+        }.items()
+    },
+    'guess': {'three.end': ['180 mm', '0 mm'], 'upper': '30 deg', 'lower': '-30 deg'},
+    'drive': {'coordinate': 'crank', 'start_angle': '-20 deg', 'speed': '40 deg/s'},
+}  # fmt: skip
+
+
+def test_a_rhombus_opens_where_folded_it_would_leave_links_loose() -> None:
+    """Newton's method folds it from there; Peaucellier's inverts the circle to a line."""
+    run = ms.simulate(made(PEAUCELLIER), duration=1.0)
+    t = np.linspace(0.0, 1.0, 7)
+    at = run.sample(t, 'position.upper', 'position.three')
+    drawn = 0.15 * np.exp(1j * at['position.upper']) + 0.06 * np.exp(1j * at['position.three'])
+    line = (0.15**2 - 0.06**2) / 0.1
+    exact = line * (1.0 + 1j * np.tan(0.5 * np.radians(40.0 * t - 20.0)))
+    assert np.abs(drawn - exact).max() <= 1e-15
+
+
 SCENES = (
     'four_bar_clearance', 'four_bar_nominal', 'valve_train', 'groove_cam', 'gear_rattle',
     'pendulum', 'andrews_squeezer', 'slider_crank', 'scotch_yoke', 'geneva', 'quick_return',

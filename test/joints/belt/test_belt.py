@@ -207,6 +207,18 @@ def test_a_chain_is_as_efficient_as_it_is_said_to_be(crossed, driven, braked):
     assert cycle['friction_loss.belt'] == pytest.approx(loss, rel=1e-12)
 
 
+def test_studies_read_a_chain_with_an_efficiency_again():
+    """They write the machine out; torques on both wheels of the pull and its loss tell rates."""
+    torques = np.array([1.0, 3.0])
+    machine = drive({'friction': {'efficiency': 0.93}}, drive={'coordinate': 'a', 'torque': {}})
+    values = {'drive.torque.constant': torques}
+    found = ms.ensemble(machine, values, duration=0.1, measures=['final(velocity.a)'])
+    k = 0.07 / 1.93
+    pull = J2 * (R1 / R2) / R2 / (1.0 - k)  # for each rad/s^2 of the first
+    exact = 0.1 * torques / (J1 + (1.0 + k) * pull * R1)
+    assert found['final(velocity.a)'] == pytest.approx(exact, rel=1e-12)
+
+
 def test_an_arm_that_carries_pulleys_takes_no_moment():
     """As the strands balance on their pulleys, what turns the arm is the drive alone."""
     data = {
