@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -36,6 +37,11 @@ from mechanism_sim.recording.writer import RECORDING, VERSION
 from ros_interfaces.checks import impossible_number
 
 _ZSTD = b'\x28\xb5\x2f\xfd'  # no CDR begins so
+_BETWEEN = re.compile(r'^(?:={80}\r?\nIDL: .*|#.*)$', re.MULTILINE)
+"""Lines of a definition in IDL that are none: before each of its files, and what they include.
+
+Source: rosbag2, docs/message_definition_encoding.md.
+"""
 
 _WRONG = (
     SerdeError, TypesysError, ZstdError, ValueError, KeyError, TypeError, IndexError,
@@ -312,7 +318,7 @@ def _defined(schema: Schema) -> Callable[[bytes], Any]:
     text = schema.data.decode()
     try:
         types = (
-            get_types_from_idl(text)
+            get_types_from_idl(_BETWEEN.sub('', text))
             if schema.encoding == 'ros2idl'
             else get_types_from_msg(text, schema.name)
         )
