@@ -233,8 +233,15 @@ class CommandNode:
             for kind, find in kinds.items()
         }
 
+    def nodes_with_parameters(self) -> list[str]:
+        """Full names of the nodes whose parameters can be asked for: some have no services."""
+        serving = dict(self.services())
+        return [name for name in self.nodes() if f'{name}/list_parameters' in serving]
+
     def _no_node(self, full: str) -> Exception:
         known = self.nodes()
+        if full in known:
+            return UsageError(f'{full} has no services for its parameters')
         return missing(
             f"there is no node '{full}'; nodes: {', '.join(known) or 'none'}", full, known
         )

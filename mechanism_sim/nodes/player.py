@@ -142,7 +142,7 @@ class BagPlayer:
             ticks = self._node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
         _wait_for_subscriptions(list(publishers.values()), self._patience)
         began, count, first = time.monotonic(), 0, bag.start / 1e9 + start
-        for name, message, stamp in bag.messages(topics):
+        for name, message, stamp in bag.in_order_of_time(topics):
             now = stamp / 1e9
             if now < first and publishers[name].qos_profile.durability != (
                 DurabilityPolicy.TRANSIENT_LOCAL

@@ -9,9 +9,11 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mcap.records import Channel, Schema
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -50,6 +52,7 @@ _WRONG = (
 """Errors that messages and definitions raise that are not what they are said to be."""
 _READABLE = frozenset(map(str, range(VERSION + 1)))
 """Versions of bags, 0 for bags without one: read as far as their types are known."""
+_LATEST = 2**63 - 1  # [ns] of times in order; a damaged one may be later
 
 
 @dataclass(frozen=True)
@@ -152,6 +155,24 @@ class Bag:
 
         """
         return self._read_decoded(self._channels(topics))
+
+    def in_order_of_time(
+        self, topics: str | Iterable[str] | None = None
+    ) -> Iterator[tuple[str, Any, int]]:
+        """Return an iterator like that of `messages`, by log time; at one time as in the files.
+
+        Nodes record ahead, topic by topic: a motion of seconds, then its joint states, its
+        frames. All times are read first, so that only messages wait in memory which are followed
+        by earlier ones.
+        """
+        times = np.fromiter((min(t, _LATEST) for *_, t in self.raw(topics)), np.int64)
+        earliest = np.minimum.accumulate(times[::-1])[::-1].tolist()  # of each and those after it
+        waiting: list[tuple[int, int, str, Any]] = []
+        for k, (name, message, t) in enumerate(self.messages(topics)):
+            heappush(waiting, (t, k, name, message))
+            while waiting and (k + 1 == len(earliest) or waiting[0][0] <= earliest[k + 1]):
+                due, _, *found = heappop(waiting)
+                yield found[0], found[1], due
 
     def raw(self, topics: str | Iterable[str] | None = None) -> Iterator[tuple[str, bytes, int]]:
         """Return an iterator like that of `messages`, over the messages as they are recorded."""
