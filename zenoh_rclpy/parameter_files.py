@@ -22,8 +22,8 @@ class _Loader(yaml.SafeLoader):
     """Marks what is not quoted and has no tag; takes no aliases, as ROS."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):  # type: ignore[no-untyped-call]
-            name = self.peek_event().anchor  # type: ignore[no-untyped-call]
+        if self.check_event(yaml.AliasEvent):
+            name = self.peek_event().anchor
             raise ValueError(f'ROS has no aliases of values as *{name}: write them out')
         return super().compose_node(parent, index)  # type: ignore[no-untyped-call]
 
