@@ -23,9 +23,9 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
-            name = self.peek_event().anchor
+            name = self.peek_event().anchor  # type: ignore[no-untyped-call]
             raise ValueError(f'ROS has no aliases of values as *{name}: write them out')
-        return super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+        return super().compose_node(parent, index)
 
     def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
         if kind is yaml.ScalarNode and implicit[0]:

@@ -30,11 +30,21 @@ from mechanism_sim.messages import (
     Impact,
     JointState,
     Log,
+    Progress,
+    TransformStamped,
     message_class,
     service_class,
 )
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import commands, control_relay, middleware, pace, partners, publications
+from mechanism_sim.nodes import (
+    commands,
+    control_relay,
+    middleware,
+    pace,
+    partners,
+    publications,
+    spawning,
+)
 from mechanism_sim.nodes.classes import node_class
 from mechanism_sim.nodes.middleware import Future, Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
@@ -43,6 +53,7 @@ from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.reader import read_bag
 from ros_interfaces.stamps import nanoseconds
+from zenoh_rclpy.arguments import parse_arguments
 
 SCENE = 'four_bar_clearance'
 PLAYING, PAUSED, QUITTING = 1, 2, 3
@@ -458,6 +469,36 @@ def test_of_two_resets_at_once_one_is_refused_also_while_machines_are_deleted(
     told = sorted(answer.result().result.error_message for answer in answers)
     assert told[0] == ''
     assert 'under way: wait for the end' in told[1]
+
+
+def test_a_machine_that_starts_while_the_first_is_reset_is_in_the_run_that_is_waited_for(
+    monkeypatch,
+):
+    """Its process hears of the leader when that is in its next run; both stood still for ever."""
+    said: list[str] = []
+    monkeypatch.setattr(spawning.process_exit, 'start', lambda words, **_: said.extend(words))
+    with nodes_of(SCENE, 0.05, paused=True, hold=True) as nodes:
+        drive = nodes['crank_drive']
+        drive.begin_run(3)
+        drive.spawning._start('late', 'geneva', '/late', 'geneva', TransformStamped())
+        drive.begin_run(4)
+        drive.spawning.begin_run()
+        given = parse_arguments(said[said.index('--ros-args') :]).parameters_of('/crank_drive')
+        own = Node('late', parameter_overrides=[Parameter(k, value=x) for k, x in given.items()])
+        own.declare = lambda name, default, *_, **__: own.declare_parameter(name, default).value
+        try:
+            leader = spawning.LeadingDrive(own)
+            own.on_leader = _nothing
+            with pytest.raises(StopIteration):
+                leader._take(Progress(node='crank_drive', run=4)).send(None)
+            assert leader.run == drive.spawning.machines['late'].run == 1
+        finally:
+            drive.spawning.machines.clear()
+            own.destroy_node()
+
+
+async def _nothing() -> None:
+    """A drive that need not follow."""
 
 
 def test_a_controller_that_commands_what_is_no_number_is_not_heeded(capsys):
