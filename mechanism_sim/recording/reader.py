@@ -279,13 +279,14 @@ def topics_of(layouts: Iterable[FileLayout]) -> dict[str, BagTopic]:
 
 
 def _qos(profiles: str) -> Qos | None:
-    """Return the first of the profiles; None where policies are numbers, as before Iron."""
+    """Return the first of the profiles; None if it is none: numbers stand for words before Iron."""
     try:
         first = (documents.parse(profiles) or [{}])[0]
         words = {name: first[name] for name in ('reliability', 'durability', 'history', 'depth')}
     except (documents.DocumentError, KeyError, TypeError):
         return None
-    return Qos(**words) if isinstance(words['history'], str) else None
+    fits = map(isinstance, words.values(), (str, str, str, int))
+    return Qos(**words) if all(fits) else None
 
 
 def decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
@@ -317,6 +318,8 @@ def _reader(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
             return protobuf.decoder(schema.data, schema.name)
     except _WRONG as error:
         raise MessageError(f'its schema cannot be read ({reason(error)})') from error
+    if channel.message_encoding in {'cdr', 'protobuf'} and schema is None:
+        raise MessageError('it has no schema, which says the type of its messages')
     if channel.message_encoding != 'cdr' or schema is None:
         raise MessageError(
             f'{channel.message_encoding!r} is not an encoding that is read here: cdr of ROS 2, '
