@@ -279,7 +279,7 @@ def topics_of(layouts: Iterable[FileLayout]) -> dict[str, BagTopic]:
 
 
 def _qos(profiles: str) -> Qos | None:
-    """Return the first of the profiles; None if it is none: numbers stand for words before Iron."""
+    """Return the first of the profiles; None if it is none, as before Iron with its numbers."""
     try:
         first = (documents.parse(profiles) or [{}])[0]
         words = {name: first[name] for name in ('reliability', 'durability', 'history', 'depth')}

@@ -29,6 +29,7 @@ from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.studies.run_bag import RunBag
+from ros_interfaces.stamps import nanoseconds
 
 RUN = 'run', 'four_bar_clearance', '--duration', '0.20126832204367018'
 SOFT = {'loads': {'rub': {'at': 'piston', 'force': ['sqrt(5.5 - t)', 0]}},
@@ -434,7 +435,8 @@ class _Stage:
 
     def create_publisher(self, _kind, topic, qos):
         def publish(message):
-            self.seen.append((self.now - self.began, topic, message.data))
+            what = nanoseconds(message.clock) if topic == '/clock' else message.data
+            self.seen.append((self.now - self.began, topic, what))
 
         return SimpleNamespace(publish=publish, qos_profile=qos, get_subscription_count=self._look)
 
@@ -468,3 +470,29 @@ def test_messages_are_played_when_they_are_due_not_as_they_lie_in_the_file(
         (pytest.approx(at * speed, abs=1e-6), log[k][0], str(k)) for at, k in due
     ]
     assert [t for _, _, t in bag.messages()] == [at * 10**8 for _, at in log]
+
+
+@pytest.mark.parametrize('rate', [1.0, 4.0])
+def test_the_clock_of_a_player_goes_on_between_messages(rate, tmp_path, monkeypatch):
+    """It came with messages only: who waits for simulated time heard nothing for seconds."""
+    path, text = tmp_path / 'rare.mcap', message_class('std_msgs/msg/String')
+    start = 1_700_000_000
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/a', 'cdr', schema)
+        for k in (0, 3, 5):
+            at = (start + k) * 10**9
+            writer.add_message(channel, at, serialize(text(data=str(k))), at)
+        writer.finish()
+    stage, bag = _Stage(monkeypatch), read_bag(path)
+    assert player.BagPlayer(stage, 10.0).play(bag, ['/a'], rate, clock=10.0) == 3
+    said = [(k, (ns - start * 10**9) / 1e9) for k, topic, ns in stage.seen if topic == '/clock']
+    assert [wall * rate for wall, _ in said] == pytest.approx([t for _, t in said], abs=1e-5)
+    steps = np.diff([t for _, t in said])
+    assert (steps > 0.0).all()
+    assert steps.max() < 0.1 + 1e-5
+    assert said[-1][1] > 4.9
+    messages = [(wall * rate, x) for wall, topic, x in stage.seen if topic == '/a']
+    assert messages == [(pytest.approx(k, abs=1e-5), str(k)) for k in (0, 3, 5)]
