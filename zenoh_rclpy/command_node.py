@@ -202,12 +202,21 @@ class CommandNode:
             list(self.node.get_subscriptions_info_by_topic(name)),
         )
 
-    def nodes(self) -> list[str]:
-        """Full names of all nodes but those of commands."""
-        self.settle()
+    def nodes(self, service: str = '') -> list[str]:
+        """Full names of all nodes but those of commands.
+
+        Parameters
+        ----------
+        service : only nodes with this one below their name: not all have those of parameters
+        """
+        served = {name for name, _ in self.services()}
         pairs = self.node.get_node_names_and_namespaces()
         names = {f'{space.rstrip("/")}/{name}' for name, space in pairs}
-        return sorted(n for n in names if f'/{_NAME}' not in n)
+        return sorted(
+            n
+            for n in names
+            if f'/{_NAME}' not in n and (not service or f'{n}/{service}' in served)
+        )
 
     def of_node(self, node: str) -> dict[str, list[tuple[str, list[str]]]]:
         """Topics and services of a node with their types, by kind; without those of actions.
@@ -232,11 +241,6 @@ class CommandNode:
             kind: [(n, types) for n, types in find(name, space or '/') if '/_' not in n]
             for kind, find in kinds.items()
         }
-
-    def nodes_with_parameters(self) -> list[str]:
-        """Full names of the nodes whose parameters can be asked for: some have no services."""
-        serving = dict(self.services())
-        return [name for name in self.nodes() if f'{name}/list_parameters' in serving]
 
     def _no_node(self, full: str) -> Exception:
         known = self.nodes()

@@ -363,7 +363,7 @@ def _node_info(node: CommandNode, options: argparse.Namespace) -> None:
 
 
 def _param_list(node: CommandNode, options: argparse.Namespace) -> None:
-    names = [options.node] if options.node else node.nodes_with_parameters()
+    names = [options.node] if options.node else node.nodes('list_parameters')
     found = {name: node.parameter_names(name) for name in names}
     if options.json:
         _print_json(found)
@@ -454,7 +454,7 @@ def _values(text: str | None) -> Any:
 
 
 def _typed(text: str, read: Callable[[str], Any]) -> Any:
-    """What was typed, read so; errors name it."""
+    """A typed text, read so; errors name it."""
     try:
         return read(text)
     except ValueError as error:

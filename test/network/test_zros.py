@@ -604,7 +604,8 @@ def test_nodes_without_services_for_parameters_do_not_end_a_list_of_all():
     with command_node(5.0) as node:
         there = [Node(name, start_parameter_services=way) for name, way in
                  (('listener_impl', False), ('rviz', True))]  # fmt: skip
-        assert node.nodes_with_parameters() == ['/rviz']
+        assert node.nodes('list_parameters') == ['/rviz']
+        assert node.nodes() == ['/listener_impl', '/rviz']
         node.allow(0.1)
         with pytest.raises(UsageError, match='/listener_impl has no services for its parameters'):
             node.parameter_names('listener_impl')
