@@ -514,6 +514,8 @@ def pieces(
 ) -> Iterator[RecordedPiece]:
     """The pieces of a run, in one pass over its bag; at the end, events without a motion.
 
+    Of several runs in a bag it is the first, that of the scene that is read.
+
     Parameters
     ----------
     namespace : namespace of the machine, if the bag holds several
@@ -539,7 +541,14 @@ def pieces(
             begins = message.run, math.inf, 0.0
             if curve := motion.curve if len(motion) else None:  # far off a start needs both
                 begins = message.run, float(curve.start[0]), float(curve.start_low[0])
-            if begins <= last and begins[0] == last[0]:  # sent from outside the run
+            if message.run > last[0] >= 0:  # one recorder of several runs, as that of ros2 bag
+                warnings.warn(
+                    f'{bag.path}: the machine was reset: what follows the first run is left out',
+                    RunWarning,
+                    stacklevel=2,
+                )
+                break
+            if begins <= last:  # sent from outside the run
                 warnings.warn(
                     f'{bag.path}: a message of the motion that begins at {instant(begins[1])} s, '
                     f'after one that begins at {instant(last[1])} s, is left out',

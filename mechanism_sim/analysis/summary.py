@@ -596,8 +596,11 @@ def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSum
 
 def _planned(bag: Bag, topics: tuple[str, ...]) -> tuple[str | None, float | None]:
     """The driven coordinate, and the end [s] of its last law if that is final."""
-    driven, end = None, None
+    driven, end, run = None, None, None
     for _, law, _ in bag.messages(topics) if topics else ():
+        run = law.run if run is None else run
+        if law.run > run:
+            break
         driven = driven or str(law.coordinate)
         end = float(law.valid_until) if law.final and math.isfinite(law.valid_until) else None
     return driven, end

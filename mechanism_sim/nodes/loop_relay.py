@@ -68,7 +68,8 @@ class LoopRelay(DescribedNode):
             ('driver_description', drivers_urdf(machine, self._driven, self._limits)),
         ):
             self.create_publisher(String, topic, LATCHED).publish(String(data=text))
-        self.create_subscription(JointState, _DRIVERS, self._take, RESULTS)
+        heard = self.create_subscription(JointState, _DRIVERS, self._take, RESULTS)
+        self.refuse_echo(heard, self._states)
         self.publish_diagnostics()
 
     def _take(self, message: Any) -> None:
@@ -94,7 +95,8 @@ class LoopRelay(DescribedNode):
             return
         rates = dict(zip(message.name, message.velocity, strict=False))
         known = [rates[name] for name in self._driven if name in rates]
-        velocity = self._tracker.rates(known) if len(known) == len(told) else np.zeros(0)
+        told_rates = len(known) == len(told) and np.isfinite(known).all()
+        velocity = self._tracker.rates(known) if told_rates else np.zeros(0)
         answer = JointState(
             name=self._names, position=float64_array(q), velocity=float64_array(velocity)
         )

@@ -470,6 +470,8 @@ def _survey_rows(path: Path) -> FileLayout:
             base, 'topics', 'id', 'name', 'type', 'serialization_format', 'offered_qos_profiles',
             'type_description_hash',
         ):  # fmt: skip
+            if not (isinstance(topic, str) and isinstance(kind, str)):
+                raise ValueError('a topic has no name or no type')
             if kind not in known:
                 known[kind] = len(layout.schemas) + 1
                 layout.schemas[known[kind]] = Schema(known[kind], b'', '', kind)
