@@ -84,14 +84,10 @@ class Revolutions(Rich):
     """A run, and the angle of its main drive over time.
 
     Turns are counted from angle zero on, in the direction in which the drive ends up.
-
-    Attributes
-    ----------
-    piece : its motion and events
     """
 
     machine: Machine
-    piece: Piece
+    piece: Piece  #: its motion and events
 
     @property
     def start(self) -> float:

@@ -27,18 +27,12 @@ _OFTEN = 0.2  # [s] between reports of progress
 
 
 class Job(NamedTuple):
-    """A document to be checked and run.
+    """A document to be checked and run."""
 
-    Attributes
-    ----------
-    number : number of the document's state
-    content : keys and values of the scene
-    worn : keys and values with a worn bearing, and its joint and clearance; or None
-    """
-
-    number: int
+    number: int  #: number of the document's state
     name: str
-    content: dict[str, Any]
+    content: dict[str, Any]  #: keys and values of the scene
+    #: keys and values with a worn bearing, and its joint and clearance; or None
     worn: tuple[dict[str, Any], dict[str, Any]] | None = None
 
 

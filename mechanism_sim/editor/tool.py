@@ -21,23 +21,14 @@ _Refit = Callable[[Sketch, str, Any], list[Edit]]
 
 @dataclass(frozen=True)
 class Tool:
-    """Tool that draws a part.
+    """Tool that draws a part."""
 
-    Attributes
-    ----------
-    name : name in the palette
-    key : shortcut, as ``B`` or ``Shift+B``
-    icon : path data of an SVG of 16 by 16
-    hint : instruction for the user
-    draw : function that makes the edits of the part
-    gesture : ``band`` between two positions, ``click``, or ``now`` for none
-    """
-
-    name: str
-    key: str
-    icon: str
-    hint: str
-    draw: Draw
+    name: str  #: name in the palette
+    key: str  #: shortcut, as ``B`` or ``Shift+B``
+    icon: str  #: path data of an SVG of 16 by 16
+    hint: str  #: instruction for the user
+    draw: Draw  #: function that makes the edits of the part
+    #: ``band`` between two positions, ``click``, or ``now`` for none
     gesture: Literal['band', 'click', 'now'] = 'click'
 
     def to_json(self) -> dict[str, str]:

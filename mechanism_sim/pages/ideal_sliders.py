@@ -38,20 +38,14 @@ _MOVING = 'par:', 'point:'  # dimensions that rule the motion, or a path
 
 @dataclass(frozen=True)
 class Slider:
-    """A number of the scene that a page changes, in SI units.
+    """A number of the scene that a page changes, in SI units."""
 
-    Attributes
-    ----------
-    path : dotted; of a component of a point with ``.x`` or ``.y`` behind it
-    change : derivatives of the arrays of `dimensions` by its value
-    """
-
-    path: str
+    path: str  #: dotted; of a component of a point with ``.x`` or ``.y`` behind it
     value: float
     low: float
     high: float
     unit: str
-    change: Mapping[str, Array]
+    change: Mapping[str, Array]  #: derivatives of the arrays of `dimensions` by its value
 
     def to_json(self) -> dict[str, Any]:
         """Description for a page, with what `Control.to_json` has."""

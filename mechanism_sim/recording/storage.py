@@ -334,13 +334,9 @@ def _cure_named(path: Path, holder: Any) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class BagFile:
-    """A file of a bag.
+    """A file of a bag."""
 
-    Attributes
-    ----------
-    path : path of the read file; for a compressed one that of a copy, which is kept by `holder`
-    """
-
+    #: path of the read file; for a compressed one that of a copy, which is kept by `holder`
     path: Path
     layout: FileLayout
     holder: Any = None

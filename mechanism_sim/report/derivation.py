@@ -419,17 +419,12 @@ class _Recorder:
 
 
 class Vectors:
-    """Terms in symbols, some of which stand for vectors.
-
-    Attributes
-    ----------
-    frames : those of the equations; they remember the vectors they are asked for
-    equations : meanings of the symbols of vectors
-    """
+    """Terms in symbols, some of which stand for vectors."""
 
     def __init__(self, equations: Equations, symbols: Symbols) -> None:
+        #: those of the equations; they remember the vectors they are asked for
         self.frames: Any = _Recorder(equations.frames)
-        self.equations: list[Equation] = []
+        self.equations: list[Equation] = []  #: meanings of the symbols of vectors
         self._mechanism, self._symbols = equations.mechanism, symbols
         self._abbreviations: dict[str | hy.expression, hy.expression] = {}
         self._named: dict[str, dict[str | hy.expression, hy.expression]] = {}

@@ -45,16 +45,11 @@ def _slack(t: float) -> float:
 
 
 class TargetPath(NamedTuple):
-    """Points of a file, in SI units.
+    """Points of a file, in SI units."""
 
-    Attributes
-    ----------
-    points : (n, 2), (n, 3) with an orientation, or (n, 1) of a coordinate
-    by : ``angle`` or ``t`` of each point, at `at` (n,); empty for the nearest position
-    """
-
+    #: (n, 2), (n, 3) with an orientation, or (n, 1) of a coordinate
     points: tuple[tuple[float, ...], ...]
-    by: str
+    by: str  #: ``angle`` or ``t`` of each point, at `at` (n,); empty for the nearest position
     at: tuple[float, ...]
 
 

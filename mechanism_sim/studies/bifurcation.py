@@ -82,23 +82,16 @@ become unstable."""
 
 @dataclass(frozen=True)
 class SectionPlan:
-    """Sections of a motion: their quantities, and the turns at which they are taken.
+    """Sections of a motion: their quantities, and the turns at which they are taken."""
 
-    Attributes
-    ----------
-    of : names of the quantities of a section
-    joint : joint at whose impacts it is taken; once a turn of the drive if empty
-    transient, keep : turns of the drive until the motion has settled, and of the section; fewer
-        where it repeats itself before, and of more than 100 values of `bifurcation` if not given,
-        but for those that begin as the scene does
-    longest : longest period considered [turns]
-    """
-
-    of: tuple[str, ...]
-    joint: str = ''
+    of: tuple[str, ...]  #: names of the quantities of a section
+    joint: str = ''  #: joint at whose impacts it is taken; once a turn of the drive if empty
+    #: turns of the drive until the motion has settled, and of the section; fewer where it repeats
+    #: itself before, and of more than 100 values of `bifurcation` if not given, but for those that
+    #: begin as the scene does
     transient: int = 60
     keep: int = 60
-    longest: int = 16
+    longest: int = 16  #: longest period considered [turns]
 
 
 TURNS = dict.fromkeys(('transient', 'keep', 'longest'), 'int')

@@ -35,50 +35,39 @@ class FactorLevel:
 
 @dataclass(frozen=True)
 class Effect:
-    """Effect of one factor on one measure, in the mean over all others.
-
-    Attributes
-    ----------
-    levels : the main effect: means at values of the factor
-    effect : greatest less least of these means
-    share : of the variance that the factor explains by itself: epsilon squared, the correlation
-        ratio without what classes of so few runs explain by chance (Kelley 1935)
-    chance : an effect that drawn runs exceed by chance in 5 % of designs where there is none
-        (Tukey's range of means); None where the others have the same values in all classes, and
-        where indices have intervals
-    first, total : indices of Sobol and their 95 % intervals, of a design for them only
-    """
+    """Effect of one factor on one measure, in the mean over all others."""
 
     factor: str
     measure: str
-    levels: tuple[FactorLevel, ...]
-    effect: float
+    levels: tuple[FactorLevel, ...]  #: the main effect: means at values of the factor
+    effect: float  #: greatest less least of these means
+    #: of the variance that the factor explains by itself: epsilon squared, the correlation ratio
+    #: without what classes of so few runs explain by chance (Kelley 1935)
     share: float
+    #: an effect that drawn runs exceed by chance in 5 % of designs where there is none (Tukey's
+    #: range of means); None where the others have the same values in all classes, and where
+    #: indices have intervals
     chance: float | None = None
+    #: indices of Sobol and their 95 % intervals, of a design for them only
     first: tuple[float, float, float] | None = None
     total: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Exceedance:
-    """Share of runs that exceed limits, with its 95 % interval (Clopper and Pearson).
-
-    Attributes
-    ----------
-    runs : number of independently drawn runs with a figure
-    least, limit : the lower and the upper limit, None if there is none
-    capability : Cpk, how many times three standard deviations fit between the mean and the nearer
-        limit; None if runs do not differ
-    """
+    """Share of runs that exceed limits, with its 95 % interval (Clopper and Pearson)."""
 
     measure: str
+    #: the lower and the upper limit, None if there is none
     least: float | None
     limit: float | None
-    runs: int
+    runs: int  #: number of independently drawn runs with a figure
     beyond: int
     share: float
     low: float
     high: float
+    #: Cpk, how many times three standard deviations fit between the mean and the nearer limit;
+    #: None if runs do not differ
     capability: float | None
 
 

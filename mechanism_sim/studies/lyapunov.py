@@ -134,20 +134,13 @@ def lyapunov(
 
 @dataclass(frozen=True)
 class Horizon:
-    """Prediction horizon of one run: the time for which its digits hold.
+    """Prediction horizon of one run: the time for which its digits hold."""
 
-    Attributes
-    ----------
-    digits : digits of the steps' accuracy
-    left : that hold at the end of the run, or where it is given up; of the range of its motion
-    time : [s] from which on no digit holds; infinite if some hold to the end
-    limit : limit of the derivatives, if they end before
-    """
-
-    digits: float
+    digits: float  #: digits of the steps' accuracy
+    #: that hold at the end of the run, or where it is given up; of the range of its motion
     left: float
-    time: float
-    limit: DerivativeLimit | None = None
+    time: float  #: [s] from which on no digit holds; infinite if some hold to the end
+    limit: DerivativeLimit | None = None  #: limit of the derivatives, if they end before
 
 
 def check_horizon(machine: Machine) -> None:

@@ -117,18 +117,11 @@ class Optimum:
 
 
 class Budget(NamedTuple):
-    """Budget of an optimisation.
+    """Budget of an optimisation."""
 
-    Attributes
-    ----------
-    samples : places that are tried first; at least designs of a generation of a front
-    everywhere : search between all limits by differential evolution
-    evaluations : cycles after which evolutions end
-    """
-
-    samples: int
-    everywhere: bool
-    evaluations: int
+    samples: int  #: places that are tried first; at least designs of a generation of a front
+    everywhere: bool  #: search between all limits by differential evolution
+    evaluations: int  #: cycles after which evolutions end
 
 
 class _Search:

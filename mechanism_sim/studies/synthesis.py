@@ -202,23 +202,18 @@ def _alike(z: Array, way: Array, even: Array) -> NDArray[np.intp]:
 
 
 class _Atlas:
-    """Four-bars whose cranks turn, and the curves of their coupler points.
-
-    Attributes
-    ----------
-    shapes : (5, N) proportions
-    curves : (N, points) coupler points at even angles of the crank
-    even, turned : (N, points) coupler points at even arc lengths, and crank angles in turns
-    """
+    """Four-bars whose cranks turn, and the curves of their coupler points."""
 
     def __init__(self) -> None:
         cube = scipy.stats.qmc.Sobol(5, rng=np.random.default_rng(1)).random(_CURVES).T
         low, high = _LOW[:, None], _HIGH[:, None]
         shapes = low + cube * (high - low)
         shapes[:3] = low[:3] * (high[:3] / low[:3]) ** cube[:3]
-        self.shapes = shapes[:, full_turns(_lengths(shapes))[0]]
+        self.shapes = shapes[:, full_turns(_lengths(shapes))[0]]  #: (5, N) proportions
         angles = np.linspace(0.0, _TURN, _PLACES, endpoint=False)
+        #: (N, points) coupler points at even angles of the crank
         self.curves = _curve(self.shapes[:, :, None], angles)
+        #: (N, points) coupler points at even arc lengths, and crank angles in turns
         self.even, self.turned = _even(self.curves)
 
     def starts(self, z: Array, at: Array | None, closed: bool) -> list[tuple[Array, Array]]:

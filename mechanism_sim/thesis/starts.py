@@ -25,20 +25,13 @@ _SAME = 1e-9
 
 @dataclass(frozen=True)
 class StartAngle:
-    """A seated start at one crank angle.
+    """A seated start at one crank angle."""
 
-    Attributes
-    ----------
-    angle : crank angle at the start [rad]
-    followed : revolutions until the first loss of contact in any joint; infinite without loss
-    impacts : number of impacts in all revolutions
-    sense : 1 if the crank turns counterclockwise, -1 if clockwise
-    """
-
-    angle: float
+    angle: float  #: crank angle at the start [rad]
+    #: revolutions until the first loss of contact in any joint; infinite without loss
     followed: float
-    impacts: int
-    sense: int = 1
+    impacts: int  #: number of impacts in all revolutions
+    sense: int = 1  #: 1 if the crank turns counterclockwise, -1 if clockwise
 
     @property
     def lost_at(self) -> float:
