@@ -20,8 +20,7 @@ from mechanism_sim.packages import reason
 PATIENCE = 2.0
 """[s] for a run to notice that it is not wanted any more; then its process is ended."""
 
-_UNTIL = 2.0
-"""[s] of a run whose length neither the scene says nor the speed of its drive."""
+_UNTIL = 2.0  # [s] of a run whose length neither the scene says nor the speed of its drive
 
 _OFTEN = 0.2  # [s] between reports of progress
 

@@ -28,8 +28,7 @@ from mechanism_sim.sensing.joint_view import JointView
 INSTANTS = 73
 """Number of instants of a turn, or of a run, both ends included."""
 
-_STEPS = 12
-"""Towards a place, of a machine that is pulled."""
+_STEPS = 12  # towards a place, of a machine that is pulled
 
 UNSOLVED = InputError, RunError, ArithmeticError, np.linalg.LinAlgError
 """Errors where a machine cannot be assembled, or has no forces."""

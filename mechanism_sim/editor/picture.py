@@ -20,8 +20,7 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 
-_Traced = Mapping[str, bool]
-"""Points whose paths somebody wants drawn, or not."""
+_Traced = Mapping[str, bool]  # points whose paths somebody wants drawn, or not
 
 
 class DocumentPicture(NamedTuple):

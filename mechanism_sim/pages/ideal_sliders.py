@@ -26,8 +26,7 @@ from mechanism_sim.scene.facts import value_at
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.units import alike, for_people, to_si_text, typeset
 
-_GUIDES = 'rail', 'slot'
-"""Kinds of shapes on which something slides."""
+_GUIDES = 'rail', 'slot'  # kinds of shapes on which something slides
 
 _STEP = 0.01  # step of a value, as a share of it or of the machine's size
 _LINEAR = 1e-8  # tolerance of straight lines, as a share of such a step

@@ -31,13 +31,10 @@ from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import drive_of
 from mechanism_sim.scene.motion_keys import MotionProfile, SpeedPart
 
-_SHORT = 5
-"""Nodes of an expression up to which a position needs no symbol of its own."""
+_SHORT = 5  # nodes of an expression up to which a position needs no symbol of its own
 _TIME = 'now'
-_MOST_LAWS = 24
-"""Laws of a drive, one after the other, that are written."""
-_LONG = 30
-"""Operations from which on forces are written with intermediate quantities."""
+_MOST_LAWS = 24  # laws of a drive, one after the other, that are written
+_LONG = 30  # operations from which on forces are written with intermediate quantities
 
 
 def derive(machine: Machine, rates: bool = False) -> MachineEquations:

@@ -22,8 +22,7 @@ from ros_interfaces.names import InvalidNameError, resolve_namespace
 
 _AXES = 0.2  # [m] length of the axes of a frame at scale 1
 _WINDOW = 1200, 846
-_VIEW = 800.0, 650.0
-"""Size of the window, and about that of the picture in it [pixels]."""
+_VIEW = 800.0, 650.0  # size of the window, and about that of the picture in it [pixels]
 
 
 @dataclass(frozen=True)

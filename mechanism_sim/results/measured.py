@@ -18,8 +18,7 @@ from mechanism_sim.sensing.chain import QUANTITIES
 from mechanism_sim.sensing.channel import Analogue
 from mechanism_sim.sensing.indicators import FEWEST, features
 
-_STRETCHES = 6
-"""Number of parts of a signal with features of their own, where the speed changes."""
+_STRETCHES = 6  # number of parts of a signal with features of their own, where the speed changes
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ from mechanism_sim.studies.design import INDICES, SIGMAS
 from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row
 
-_CLASSES = 8
-"""Into which the values of a factor are put, at most."""
+_CLASSES = 8  # into which the values of a factor are put, at most
 _LEAST = 5  # runs of a class
 
 
@@ -100,8 +99,7 @@ def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
     return found
 
 
-_ALIKE = 1e-12
-"""Times the largest value: runs that differ by less do not differ."""
+_ALIKE = 1e-12  # times the largest value: runs that differ by less do not differ
 
 
 def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:

@@ -50,8 +50,7 @@ class PeriodicResponse:
         return None if abs(largest - 1.0) <= self.spread else largest < 1.0
 
 
-_REACHED = 1e-9
-"""Residual of a periodic response."""
+_REACHED = 1e-9  # residual of a periodic response
 CLOCK = (
     "of a force that repeats let a wheel 'clock' be driven at constant speed, 2.8 rad/s, and "
     'write cos(clock) instead of cos(2.8*t)'

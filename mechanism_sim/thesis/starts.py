@@ -19,8 +19,7 @@ from mechanism_sim.scene.validation import validate_loose
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
-_SAME = 1e-9
-"""Tolerance of times until contact is lost: symmetrical starts differ by rounding."""
+_SAME = 1e-9  # tolerance of times until contact is lost: symmetrical starts differ by rounding
 
 
 @dataclass(frozen=True)

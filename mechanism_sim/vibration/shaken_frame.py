@@ -29,8 +29,7 @@ from mechanism_sim.vibration.frame import Frame
 
 _UNRESOLVED = 1e-6
 """Share of the largest force above which higher harmonics of a piece are too large."""
-_ROUNDING = 1e-12
-"""Share of the largest rate of a coordinate below which its steps are negligible."""
+_ROUNDING = 1e-12  # share of the largest rate of a coordinate below which its steps are negligible
 
 
 class Forces(Protocol):

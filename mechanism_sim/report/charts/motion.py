@@ -17,8 +17,7 @@ from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
-_NOTHING = 1e-9
-"""Share of the largest of its kind below which a value is rounding."""
+_NOTHING = 1e-9  # share of the largest of its kind below which a value is rounding
 
 _KINDS = {
     'position': ('Angles', 'Displacements'),
