@@ -489,13 +489,9 @@ def _with_work(machine: Machine, motion: Motion, impacts: Impacts) -> Impacts:
 
 @dataclass(frozen=True)
 class RecordedPiece:
-    """A message of the motion, and the events that were published since the one before.
+    """A message of the motion, and the events that were published since the one before."""
 
-    Attributes
-    ----------
-    coordinates, joints : names of the columns of the motion; empty where it is not recorded
-    """
-
+    #: names of the columns of the motion; empty where it is not recorded
     coordinates: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     motion: Motion = NOTHING

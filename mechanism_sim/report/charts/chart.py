@@ -55,21 +55,16 @@ machine, beneath; of the range of many turns; of areas by themselves; of wear.""
 
 @dataclass(frozen=True)
 class Axis:
-    """A quantity and its unit along an axis.
-
-    Attributes
-    ----------
-    low, high : ends of the axis; None for those of the data
-    every : distance of ticks; None for an automatic one
-    names : labels at the positions `at` instead of numbers; `at` is by default 0, 1, ...
-    """
+    """A quantity and its unit along an axis."""
 
     words: str
     unit: str = ''
+    #: ends of the axis; None for those of the data
     low: float | None = None
     high: float | None = None
     log: bool = False
-    every: float | None = None
+    every: float | None = None  #: distance of ticks; None for an automatic one
+    #: labels at the positions `at` instead of numbers; `at` is by default 0, 1, ...
     names: tuple[str, ...] = ()
     at: tuple[float, ...] = ()
 
