@@ -43,8 +43,28 @@ REFITS: dict[str, _Refit] = {}
 """Functions that fit joints to links that were moved, of those kinds that must fit."""
 
 
-def register(kind: str, *tools: Tool, refit: _Refit | None = None) -> None:
-    """Register the tools of a kind."""
-    TOOLS[kind] = tools
-    if refit:
+def draws(
+    kind: str,
+    name: str,
+    key: str,
+    icon: str,
+    hint: str,
+    gesture: Literal['band', 'click', 'now'] = 'click',
+) -> Callable[[Draw], Draw]:
+    """Decorator of the function of a tool, which follows those of this kind in the palette."""
+
+    def enter(draw: Draw) -> Draw:
+        TOOLS[kind] = (*TOOLS.get(kind, ()), Tool(name, key, icon, hint, draw, gesture))
+        return draw
+
+    return enter
+
+
+def refits(kind: str) -> Callable[[_Refit], _Refit]:
+    """Decorator of the function that fits joints of a kind to links that were moved."""
+
+    def enter(refit: _Refit) -> _Refit:
         REFITS[kind] = refit
+        return refit
+
+    return enter
