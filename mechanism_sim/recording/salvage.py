@@ -97,12 +97,7 @@ class Salvage:
 
 
 def salvage(path: Path, stream: BinaryIO) -> Salvage:
-    """Find what is sound in an MCAP file that is open for reading.
-
-    Raises:
-        InputError: Its compression cannot be read here.
-
-    """
+    """Find what is sound in an MCAP file that is open for reading."""
     index, indexed = None, True
     try:
         index = from_index(path, stream)
