@@ -84,14 +84,10 @@ class Revolutions(Rich):
     """A run, and the angle of its main drive over time.
 
     Turns are counted from angle zero on, in the direction in which the drive ends up.
-
-    Attributes
-    ----------
-    piece : its motion and events
     """
 
     machine: Machine
-    piece: Piece
+    piece: Piece  #: its motion and events
 
     @property
     def start(self) -> float:
@@ -493,13 +489,9 @@ def _with_work(machine: Machine, motion: Motion, impacts: Impacts) -> Impacts:
 
 @dataclass(frozen=True)
 class RecordedPiece:
-    """A message of the motion, and the events that were published since the one before.
+    """A message of the motion, and the events that were published since the one before."""
 
-    Attributes
-    ----------
-    coordinates, joints : names of the columns of the motion; empty where it is not recorded
-    """
-
+    #: names of the columns of the motion; empty where it is not recorded
     coordinates: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     motion: Motion = NOTHING

@@ -21,8 +21,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.load import without_clearance
 from ros_interfaces.stamps import nanoseconds
 
-_DRIVERS = 'driver_states'
-"""Topic on which the driving joints are told (sensor_msgs/JointState)."""
+_DRIVERS = 'driver_states'  # topic on which the driving joints are told (sensor_msgs/JointState)
 
 
 class LoopRelay(DescribedNode):

@@ -95,26 +95,17 @@ class LeadingDrive:
 
 @dataclass
 class Spawned:
-    """A spawned machine.
+    """A spawned machine."""
 
-    Attributes
-    ----------
-    uri : scene of the machine
-    namespace : namespace of its nodes
-    run : number of the requested run
-    heard_run : number of its present run; -1 before its first report
-    time : time reached [s]
-    """
-
-    uri: str
-    namespace: str
+    uri: str  #: scene of the machine
+    namespace: str  #: namespace of its nodes
     integrator: str
     process: subprocess.Popen[bytes]
     transform: Any
     heard: Any
-    run: int = 0
-    heard_run: int = -1
-    time: float = 0.0
+    run: int = 0  #: number of the requested run
+    heard_run: int = -1  #: number of its present run; -1 before its first report
+    time: float = 0.0  #: time reached [s]
 
     @property
     def began(self) -> bool:

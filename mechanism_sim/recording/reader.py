@@ -146,13 +146,9 @@ class Bag:
 
         A message of ROS is an object with its fields; of JSON and protobuf a dictionary.
 
-        Args:
-            topics: Name or names of the requested topics; all of them by default.
-
-        Raises:
-            InputError: No such topic; from the iterator: a type that is not known here, or was
-                another when the bag was written.
-
+        Parameters
+        ----------
+        topics : name or names of the requested topics; all of them by default
         """
         return self._read_decoded(self._channels(topics))
 
@@ -249,13 +245,10 @@ class Bag:
 def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) -> Bag:
     """Open a bag for reading: a file, or a folder of files that follow each other.
 
-    Args:
-        path: Of the file (.mcap or .db3, also compressed as .zstd) or folder.
-        progress: Called with the part of the bag that is read, whenever messages are.
-
-    Raises:
-        InputError: No such file, not a bag, or its index is damaged.
-
+    Parameters
+    ----------
+    path : of the file (.mcap or .db3, also compressed as .zstd) or folder
+    progress : called with the part of the bag that is read, whenever messages are
     """
     path = path_of(path)
     found = parts(path)

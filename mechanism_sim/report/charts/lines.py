@@ -60,18 +60,12 @@ _TRUE = 4.0  # [in] height of a path that is true to scale
 
 
 class Abscissa(NamedTuple):
-    """Abscissa of a plot: its axis, and where times (N,) [s] are on it.
-
-    Attributes
-    ----------
-    span : drawn range of an angle [deg]: a turn, or a whole period in turns
-    of : the quantity, where it is neither time nor the angle of the drive
-    """
+    """Abscissa of a plot: its axis, and where times (N,) [s] are on it."""
 
     axis: Axis
     at: Callable[[Array], Array]
-    span: float = 0.0
-    of: str = ''
+    span: float = 0.0  #: drawn range of an angle [deg]: a turn, or a whole period in turns
+    of: str = ''  #: the quantity, where it is neither time nor the angle of the drive
 
     @property
     def kind(self) -> Over:

@@ -18,8 +18,7 @@ from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
-_NOTHING = 1e-9
-"""Share of the largest of its kind below which a value is rounding."""
+_NOTHING = 1e-9  # share of the largest of its kind below which a value is rounding
 
 _FLAT = 50.0
 """Times of the largest value of what varies from which on a constant hides it."""
