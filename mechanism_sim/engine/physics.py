@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 import scipy
@@ -20,6 +20,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomia
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.joint_friction import JointFriction
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Directed, EndGap, WrappedGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
@@ -30,59 +31,31 @@ _LOOKS = Nodes((0.0, 0.25, 0.5, 0.75, 1.0))
 """Positions within a step at which the ends of a spring are compared for a passage."""
 
 
-class Physics(Protocol):
+class Physics(ABC):
     """Forces, energies and gaps of a machine of any level along its motion."""
 
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
+    joints: tuple[str, ...]  #: names of all joints
+    clearances: tuple[str, ...] = ()  #: names of the joints with clearance
+    tilting: tuple[str, ...] = ()  #: joints that take moments out of the plane, or forces
+    driven: tuple[str, ...]
+    """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
+    unknowns: Mapping[str, str] = MappingProxyType({})
+    """Units of the loads whose sizes follow from the motion, by name."""
+    undetermined: Mapping[str, frozenset[str]]
+    """Parts of the forces in joints that redundant constraints leave open, by joint.
 
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of all joints."""
+    Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
+    """
+    frictions: Mapping[str, JointFriction]  #: friction in ideal joints, by joint
+    has_forces: bool = True  #: true if forces and energies are known, not only motion
+    size: float  #: size of the mechanism [m], to which the rounding of positions is relative
+    lifting_energy: float  #: [J] of the terms of a potential energy, see `Mechanism`
 
-    @property
-    def clearances(self) -> tuple[str, ...]:
-        """Names of the joints with clearance."""
-
-    @property
-    def tilting(self) -> tuple[str, ...]:
-        """Names of the joints that take moments out of the plane, or forces."""
-
-    @property
-    def driven(self) -> tuple[str, ...]:
-        """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
-
-    @property
-    def unknowns(self) -> Mapping[str, str]:
-        """Units of the loads whose sizes follow from the motion, by name."""
-
-    @property
-    def undetermined(self) -> Mapping[str, frozenset[str]]:
-        """Parts of the forces in joints that redundant constraints leave open, by joint.
-
-        Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
-        """
-
-    @property
-    def frictions(self) -> Mapping[str, JointFriction]:
-        """Friction in ideal joints, by joint."""
-
-    @property
-    def displacements(self) -> tuple[str, ...]:
-        """Names of the coordinates that are displacements."""
-
-    @property
-    def has_forces(self) -> bool:
-        """True if forces and energies are known, not only motion."""
-
-    @property
-    def size(self) -> float:
-        """Size of the mechanism [m], to which the rounding of positions is relative."""
-
-    @property
-    def lifting_energy(self) -> float:
-        """Size [J] of the terms that a potential energy consists of, see `Mechanism`."""
+    def __init__(self, mechanism: Mechanism, undetermined: Mapping[str, frozenset[str]]) -> None:
+        self.undetermined, self.coordinates = undetermined, mechanism.coordinates
+        self.joints = tuple(joint.name for joint in mechanism.joints)
+        self.displacements = mechanism.displacements
+        self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -91,7 +64,16 @@ class Physics(Protocol):
 
         `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
         """
+        seen = self._observe(motion, segments, dt)
+        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
 
+    @abstractmethod
+    def _observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
+        """Observation without whole turns."""
+
+    @abstractmethod
     def moved(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> tuple[Array, Array]:
@@ -99,7 +81,9 @@ class Physics(Protocol):
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Gaps (m, N) [m] independent of forces, infinite where closed."""
+        return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
+    @abstractmethod
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance; powers and forces count only where `has_forces`.
 
@@ -108,9 +92,11 @@ class Physics(Protocol):
         """
 
     @property
+    @abstractmethod
     def takes_power(self) -> bool:
         """True if springs, dampers, films or loads take any power."""
 
+    @abstractmethod
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take, if they do.
 
@@ -118,7 +104,7 @@ class Physics(Protocol):
         `account`.
         """
 
-    def check_directions(self, motion: Motion) -> None:
+    def check_directions(self, motion: Motion) -> None:  # noqa: B027
         """Refuse an integrated motion in which ends of a spring meet, or a rope leaves a pulley.
 
         Raises
@@ -127,20 +113,27 @@ class Physics(Protocol):
         """
 
     @property
+    @abstractmethod
     def steep(self) -> bool:
         """True if powers may vary too steeply within a segment for a Taylor series."""
 
     @property
     def corners(self) -> bool:
-        """True if powers have corners within segments, where friction's normal force is zero."""
+        """True if powers have corners within segments, where friction's normal force is zero.
+
+        Integrated steps end there.
+        """
+        return False
 
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> dict[str, Array]:
-        """Part (N,) of each load that depends on rates, by its switch."""
+        """Part (N,) of each load that depends on rates, by its switch; none if prescribed."""
+        return {}
 
+    @abstractmethod
     def no_limits(self, motion: Motion) -> list[NoLimit]:
-        """Instants of unbounded forces, at which they are NaN."""
+        """Instants of unbounded forces, at which they are NaN: those at singular positions."""
 
 
 def is_force_open(undetermined: Mapping[str, frozenset[str]], joint: str) -> bool:
@@ -158,11 +151,8 @@ def known_wrench(physics: Physics, observed: Observation, joint: str) -> Array:
     return wrench
 
 
-class DynamicPhysics:
+class DynamicPhysics(Physics):
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
-
-    has_forces = True
-    unknowns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,
@@ -171,29 +161,19 @@ class DynamicPhysics:
         main: str | None = None,
     ) -> None:
         """Physics of a system; `main` is the coordinate whose position observations have."""
-        self.observer, self.undetermined = observer, undetermined
+        super().__init__(observer.system.mechanism, undetermined)
+        self.observer = observer
         self.system = system = observer.system
-        self.coordinates = system.coordinates
-        self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.driven = (*system.prescribed, *system.powered)
         rubbing = [joint.friction for joint in system.dynamics.frictional_joints]
         self.frictions = {friction.name: friction for friction in rubbing}
         self._main = system.coordinates.index(main or (*self.driven, *system.coordinates)[0])
-        self.displacements = system.mechanism.displacements
-        self.size, self.lifting_energy = system.mechanism.size, system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
         self._directed = [e for e in system.elements if isinstance(e, Directed) and e.jumps]
         self._wrapped = [gap for gap in system.gaps if isinstance(gap, WrappedGap)]
         self.tilting = tuple(
             dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
         )
-
-    def observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
-        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        seen = self._observe(motion, segments, dt)
-        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
 
     def _observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -227,7 +207,7 @@ class DynamicPhysics:
             motion,
             segments,
             free,
-            lambda k, t: self.observer.gaps.closure_distance(motion.curve.local(k, t).T),
+            lambda k, t: self.observer.gaps.closure_distance(motion.curve.local(k, t).T)[0][0],
         )
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
@@ -293,11 +273,6 @@ class DynamicPhysics:
     def takes_power(self) -> bool:
         """True if springs, dampers, films or loads take any power."""
         return self.observer.takes_power
-
-    @property
-    def corners(self) -> bool:
-        """False: steps end at the changes of sign of normal forces in joints with friction."""
-        return False
 
     @property
     def steep(self) -> bool:

@@ -21,7 +21,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.drive_laws import LawSchedule
 from mechanism_sim.engine.events import Impacts, ModeChange
-from mechanism_sim.engine.physics import each_instant, is_force_open, outside, rows
+from mechanism_sim.engine.physics import Physics, each_instant, is_force_open, outside, rows
 from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
@@ -501,11 +501,11 @@ def _is_exact(
     return bool(slope is None and tail <= _ROUNDED * ideal.rounding(values))
 
 
-class NominalPhysics:
-    """An ideal linkage: exact kinematics, and forces where masses are known."""
+class NominalPhysics(Physics):
+    """An ideal linkage: exact kinematics, and forces where masses are known.
 
-    clearances: tuple[str, ...] = ()
-    tilting: tuple[str, ...] = ()
+    All directions of springs are accepted: a prescribed motion is known where their ends meet.
+    """
 
     def __init__(
         self,
@@ -514,24 +514,13 @@ class NominalPhysics:
         forces: InverseDynamics | None,
         undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
     ) -> None:
-        self.undetermined = undetermined
-        self.coordinates = mechanism.coordinates
-        self.joints = tuple(joint.name for joint in mechanism.joints)
+        super().__init__(mechanism, undetermined)
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
-        self.displacements = mechanism.displacements
-        self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
         self.has_forces = forces is not None
         self.unknowns = forces.unknowns.units if forces else {}
         self.frictions = forces.frictions if forces else {}
         self._ideal = ideal
         self._forces = forces
-
-    def observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
-        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        seen = self._observe(motion, segments, dt)
-        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
 
     def _observe(
         self,
@@ -659,12 +648,6 @@ class NominalPhysics:
         acting = rows(self._forces.edges, self.coordinates, curve, segments, times)
         return self._forces(q, v, a, self._outside(curve, segments, times), acting)
 
-    def switch_parts(
-        self, _motion: Motion, _segments: NDArray[np.intp], _dt: Array | Nodes
-    ) -> dict[str, Array]:
-        """Parts in which switches hold a load: none of a prescribed motion."""
-        return {}
-
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Instants of unbounded forces: those at singular positions."""
         curve, count = motion.curve, len(motion)
@@ -771,10 +754,6 @@ class NominalPhysics:
         outside = self._outside(curve, segments, dt)
         return self._forces.work_of_unknowns(q, v, a, outside, acting)
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Open gaps: none, (0, N)."""
-        return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
-
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance, and how far the interpolated loops are open."""
         limited = len(self.driven) > 1 or bool(self.unknowns)  # one drive's torque follows without
@@ -795,9 +774,6 @@ class NominalPhysics:
     def takes_power(self) -> bool:
         """True if springs, dampers or loads take any power."""
         return self._forces is not None and self._forces.takes_power
-
-    def check_directions(self, _: Motion) -> None:
-        """Accept all directions of springs: a prescribed motion is known where their ends meet."""
 
     @property
     def corners(self) -> bool:

@@ -149,6 +149,8 @@ class JournalFriction(JointFriction):
 
     radius: float = 0.0  #: radius of the pin [m]
 
+    unit = 'N m'
+
     @property
     def _circle(self) -> float:
         """Radius of the friction circle [m]."""
@@ -158,11 +160,6 @@ class JournalFriction(JointFriction):
     def law(self) -> str:
         """Law of friction in words, by the force of the pin."""
         return f'|{{0}}| <= {self._circle:.6g} m times the force in {{1}}{_AGAINST}'
-
-    @property
-    def unit(self) -> str:
-        """A moment."""
-        return 'N m'
 
     @property
     def words(self) -> str:

@@ -20,10 +20,10 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet, lift
-from mechanism_sim.planar.gaps import with_turning
+from mechanism_sim.planar.gaps import ContactGap, with_turning
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Wrench, contact_wrench
 from mechanism_sim.planar.view import Draft, Side, circle
 
 _ACROSS = 48
@@ -90,15 +90,11 @@ class DiscClosure(HigherClosure[DiscPair]):
 
 
 @dataclass(frozen=True)
-class DiscGap:
+class DiscGap(ContactGap):
     """The distance of a disc from a disc or a bar."""
 
     pair: DiscPair
     mechanism: Mechanism
-    restitution: float
-    friction: float = 0.0
-    hypothesis: str = 'newton'
-    law: ForceLaw | None = None
 
     @property
     def name(self) -> str:
@@ -119,9 +115,6 @@ class DiscGap:
     def overlap(self) -> str:
         """One in the other."""
         return f'{self.pair.first} into {self.pair.second} in the contact {self.name}'
-
-    def draw(self, _: Draft) -> None:
-        """The pair shows its outlines."""
 
     # --- the measure ----------------------------------------------------------------------------
 

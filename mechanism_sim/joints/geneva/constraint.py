@@ -171,7 +171,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         inside = add(square, neg(mul(x.value, x.value)), neg(mul(y.value, y.value)))
         return frames.switch(self.name, dense(inside) / self.joint.entry**2)
 
-    def offset(self, frames: Frames) -> Jet:
+    def values(self, frames: Frames) -> list[Jet]:
         """Offset of the pin, or of the locked wheel at the slot's mouth, from closure [m].
 
         ``(r/N) sin(N (phi - psi))`` with the pin at polar coordinates r, phi about the wheel's
@@ -181,7 +181,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         slot = radius * sine(beside, self.joint.slots)
         entry = lift(dense(frames.parameters(f'{self.name}.entry', self.joint.entry)))
         locked = sine(turned, self.joint.slots) * entry
-        return either(self.engaged(frames), slot, locked)
+        return [either(self.engaged(frames), slot, locked)]
 
     def _off(self, frames: Frames) -> tuple[Jet, Jet, Jet]:
         """Radius r [m]; angles of the pin off a slot, and of the wheel off its locked position."""
@@ -196,21 +196,15 @@ class GenevaClosure(HigherClosure[Geneva]):
         slot, locked = (hy.cos(n * x.value) for x in off)
         return [on * slot - (1.0 - on) * locked]
 
-    def values(self, frames: Frames) -> list[Jet]:
-        """The offset [m]."""
-        return [self.offset(frames)]
-
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The pin presses across the slot; the crank's arc through the crank's centre."""
-        return self.pressed(frames, forces[0])
-
-    def pressed(self, frames: Frames, force: Term) -> Wrench:
-        """Wrench on the wheel of a force along the offset.
+        """The pin presses across the slot; the crank's arc through the crank's centre.
 
         With clearance the slot is not quite along the pin's direction: a part of the force is
         towards the wheel's centre, by the offset over the pin's distance.
         """
-        joint, on, offset = self.joint, self.engaged(frames), self.offset(frames)
+        joint, on, (force,), (offset,) = (
+            self.joint, self.engaged(frames), forces, self.values(frames),
+        )  # fmt: skip
         moment = mul(force, offset.gradient[self.mechanism.frame(joint.second)[0]])
         x, y = self._pin(frames)
         r = hy.sqrt(dense((x * x + y * y).value))

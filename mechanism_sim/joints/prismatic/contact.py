@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames, Jet, lift
-from mechanism_sim.planar.gaps import SIDES, MeasuredGap, corner_name
+from mechanism_sim.planar.gaps import SIDES, MeasuredGap, gap_name
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Wrench, contact_wrench
 from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Side
 
@@ -36,10 +36,6 @@ class GuideClearance(MeasuredGap):
     side: Side
     corner: Vector2  #: [m] in the block's frame
     width: float  #: half width of the guide, from its axis [m]
-    restitution: float
-    friction: float = 0.0
-    hypothesis: str = 'newton'
-    law: ForceLaw | None = None
 
     softness: ClassVar[float] = 1e-6
     """Two corners that stick to one wall hold the same: they share it, giving way so little."""
@@ -105,14 +101,7 @@ class GuideClearance(MeasuredGap):
 
 
 def corners(
-    mechanism: Mechanism,
-    joint: str,
-    size: Vector2,
-    clearance: float,
-    restitution: float,
-    friction: float = 0.0,
-    hypothesis: str = 'newton',
-    law: ForceLaw | None = None,
+    mechanism: Mechanism, joint: str, size: Vector2, clearance: float, **behaviour: Any
 ) -> Iterator[GuideClearance]:
     """The four corners of a block in its guide, the joint's point in its middle.
 
@@ -131,6 +120,6 @@ def corners(
         across = 0.5 * height * (1.0 if side == 'left' else -1.0)
         dx, dy = rotate((along, across), guide.axis - guide.angle)
         yield GuideClearance(
-            joint, corner_name(mechanism, guide, end, side), mechanism, side, (x + dx, y + dy),
-            0.5 * height + clearance, restitution, friction, hypothesis, law,
+            joint, gap_name(mechanism, guide, f'{end}_{side}'), mechanism, side, (x + dx, y + dy),
+            0.5 * height + clearance, **behaviour,
         )  # fmt: skip

@@ -11,15 +11,15 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing, Vector
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet
-from mechanism_sim.planar.gaps import with_turning
+from mechanism_sim.planar.gaps import ContactGap, with_turning
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Point
-from mechanism_sim.planar.protocols import ForceLaw, Load, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Load, Wrench, contact_wrench
 from mechanism_sim.tolerances import TOLERANCES
 
 
 @dataclass(frozen=True)
-class BearingClearance:
+class BearingClearance(ContactGap):
     """A pin on the first-named link, loose in a bushing on the second-named link.
 
     With Q from bushing centre to pin centre and radial clearance c, the gap is ``c - |Q|``
@@ -30,11 +30,7 @@ class BearingClearance:
     name: str
     mechanism: Mechanism
     clearance: float  #: radial clearance c [m]
-    restitution: float
-    friction: float = 0.0
-    hypothesis: str = 'newton'
     pin_radius: float = 0.0  #: radius of the pin [m]
-    law: ForceLaw | None = None
 
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""

@@ -148,7 +148,10 @@ class RopeClosure(HigherClosure[Rope]):
         for k, (before, after) in enumerate(pairwise(stretches), start=1):
             if radius := self.joint.pulleys[k].radius:
                 size = dense(frames.parameters(f'{self.name}.radius.{k}', abs(radius)))
-                excess.append(size * _wrap(before.way, after.way, math.copysign(1.0, radius)))
+                (bx, by), (ax, ay), sense = before.way, after.way, math.copysign(1.0, radius)
+                # half a turn and more while the rope bends the other way than the pulley
+                wrap = math.pi + hy.atan2(sense * (by * ax - bx * ay), -(bx * ax + by * ay))
+                excess.append(size * wrap)
         total = Jet(None, {}, None, None)
         for stretch in stretches:
             total += stretch.pulled
@@ -232,16 +235,3 @@ class Slack(Wall):
     def overlap(self) -> str:
         """Words for an overlap: the points of the rope beyond its length."""
         return f'the points of {self.joint} beyond its length'
-
-    def draw(self, _: Draft) -> None:
-        """The rope shows its pulleys."""
-
-
-def _wrap(
-    before: tuple[hy.expression, hy.expression],
-    after: tuple[hy.expression, hy.expression],
-    sense: float,
-) -> hy.expression:
-    """The angle [rad] that a rope turns by, counted in a sense (1 counterclockwise), 0 to 2 pi."""
-    (bx, by), (ax, ay) = before, after
-    return math.pi + hy.atan2(sense * (by * ax - bx * ay), -(bx * ax + by * ay))
