@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.contact.chatter import ChatterRule
 from mechanism_sim.engine.contact.impact import Hypothesis
@@ -17,7 +17,6 @@ from mechanism_sim.engine.contact.problem import (
     ContactArrays,
     ContactProblem,
     Limits,
-    Mask,
     problem_of,
     slip_of,
 )

@@ -9,14 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.crossings import Crossings
 from mechanism_sim.engine.dense_output import Motion, instants
 from mechanism_sim.engine.events import drawn_in, ends_meet, leaves_pulley
 from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
-from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial, Times
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.joint_friction import JointFriction
@@ -57,9 +56,7 @@ class Physics(ABC):
         self.displacements = mechanism.displacements
         self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
 
-    def observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
+    def observe(self, motion: Motion, segments: IndexArray, dt: Times) -> Observation:
         """The machine at times `dt` after the start of `segments`.
 
         `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
@@ -68,23 +65,19 @@ class Physics(ABC):
         return seen.with_turns(motion.curve.turns_at(segments, dt).T)
 
     @abstractmethod
-    def _observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
+    def _observe(self, motion: Motion, segments: IndexArray, dt: Times) -> Observation:
         """Observation without whole turns."""
 
     @abstractmethod
-    def moved(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array]:
+    def moved(self, motion: Motion, segments: IndexArray, dt: Times) -> tuple[Array, Array]:
         """Coordinates without whole turns and rates (n, N), as observed, independent of forces."""
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def open_gaps(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Gaps (m, N) [m] independent of forces, infinite where closed."""
         return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
     @abstractmethod
-    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+    def account(self, motion: Motion, segments: IndexArray, dt: Times) -> Account:
         """Terms of the energy balance; powers and forces count only where `has_forces`.
 
         `closure_error` is the largest distance [m] from zero: of closed gaps, and of what is left
@@ -97,7 +90,7 @@ class Physics(ABC):
         """True if springs, dampers, films or loads take any power."""
 
     @abstractmethod
-    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def load_power(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take, if they do.
 
         It follows from positions and rates alone; where it may be steep, it is no part of
@@ -105,12 +98,7 @@ class Physics(ABC):
         """
 
     def check_directions(self, motion: Motion) -> None:  # noqa: B027
-        """Refuse an integrated motion in which ends of a spring meet, or a rope leaves a pulley.
-
-        Raises
-        ------
-        RunError
-        """
+        """Refuse a motion in which ends of a spring meet, or a rope leaves a pulley."""
 
     @property
     @abstractmethod
@@ -125,9 +113,7 @@ class Physics(ABC):
         """
         return False
 
-    def switch_parts(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> dict[str, Array]:
+    def switch_parts(self, motion: Motion, segments: IndexArray, dt: Times) -> dict[str, Array]:
         """Part (N,) of each load that depends on rates, by its switch; none if prescribed."""
         return {}
 
@@ -175,9 +161,7 @@ class DynamicPhysics(Physics):
             dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
         )
 
-    def _observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
+    def _observe(self, motion: Motion, segments: IndexArray, dt: Times) -> Observation:
         """Observation without whole turns; near singular positions with the limits of forces."""
         seen = self.observer.observe(self.inputs(motion, segments, dt))
         crossings = self._crossings(motion, segments)
@@ -197,7 +181,7 @@ class DynamicPhysics(Physics):
         power = (seen.drive_torque * seen.velocity[self.system.driven_index]).sum(axis=0)
         return seen._replace(drive_power=power)
 
-    def _crossings(self, motion: Motion, segments: NDArray[np.intp]) -> Crossings | None:
+    def _crossings(self, motion: Motion, segments: IndexArray) -> Crossings | None:
         """Crossings of singular positions in the segments; None without loop closures."""
         system = self.system
         if not system.relations:
@@ -210,7 +194,7 @@ class DynamicPhysics(Physics):
             lambda k, t: self.observer.gaps.closure_distance(motion.curve.local(k, t).T)[0][0],
         )
 
-    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+    def account(self, motion: Motion, segments: IndexArray, dt: Times) -> Account:
         """Terms of the energy balance."""
         return self.observer.account(self.inputs(motion, segments, dt))
 
@@ -279,17 +263,15 @@ class DynamicPhysics(Physics):
         """True if loads or contacts may be steep within a step."""
         return self.observer.steep
 
-    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def load_power(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take."""
         return self.observer.load_power(self.inputs(motion, segments, dt))
 
-    def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
+    def touch(self, motion: Motion, segments: IndexArray, dt: Times) -> TouchTerms:
         """Compliant contacts at times `dt` after the start of `segments`."""
         return self.observer.touch(self.inputs(motion, segments, dt))
 
-    def moved(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array]:
+    def moved(self, motion: Motion, segments: IndexArray, dt: Times) -> tuple[Array, Array]:
         """Coordinates without whole turns, and rates (n, N)."""
         curve = motion.curve
         if isinstance(dt, Nodes):
@@ -297,7 +279,7 @@ class DynamicPhysics(Physics):
         position, rate = curve.locals(segments, dt, (0, 1))
         return position.T, rate.T
 
-    def inputs(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
+    def inputs(self, motion: Motion, segments: IndexArray, dt: Times) -> Instants:
         """Instants as `Observer.observe` takes them, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         q, v = self.moved(motion, segments, dt)
@@ -322,7 +304,7 @@ class DynamicPhysics(Physics):
             self._sides(motion, segments, dt),
         )
 
-    def _rows(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array | None:
+    def _rows(self, motion: Motion, segments: IndexArray, dt: Times) -> Array | None:
         """Values of the switches: those of rates as they were, others by their places."""
         curve, states = motion.curve, motion.state_curve
         found = rows(self.system.edges, self.coordinates, curve, segments, dt, states)
@@ -332,7 +314,7 @@ class DynamicPhysics(Physics):
             found[flags], found[holds] = acting % HOLDS, acting == HOLDS
         return found
 
-    def _sides(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def _sides(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Signs (k, N) of the normal forces of joints with friction."""
         count = len(self.system.parameters.sides)
         if not count:
@@ -341,7 +323,7 @@ class DynamicPhysics(Physics):
         found: Array = 2.0 * np.repeat(own, instants(dt), axis=0).T - 1.0
         return found
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def open_gaps(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """The gaps (m, N) [m] at times `dt` in `segments`, infinite where closed."""
         curve, (q, _) = motion.curve, self.moved(motion, segments, dt)
         edges, states = self.system.edges, motion.state_curve
@@ -350,9 +332,7 @@ class DynamicPhysics(Physics):
         gaps = self.observer.gaps.distances(self.observer.gaps.values(q, beside, known))
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
-    def switch_parts(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> dict[str, Array]:
+    def switch_parts(self, motion: Motion, segments: IndexArray, dt: Times) -> dict[str, Array]:
         """Part (N,) of each load that depends on rates, by the name of its switch."""
         names = [*self.system.equations.frames.switches]
         if not self.system.set_valued.holding:
@@ -397,8 +377,8 @@ def _stacked(seen: Observation) -> Array:
 
 
 def each_instant(
-    curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
-) -> tuple[NDArray[np.intp], Array]:
+    curve: PiecewisePolynomial, segments: IndexArray, dt: Times
+) -> tuple[IndexArray, Array]:
     """The segment of every instant, and the time since its start [s], in the order of samples."""
     if isinstance(dt, Nodes):
         dt = np.outer(curve.duration[segments], dt.fractions)
@@ -409,8 +389,8 @@ def rows(
     edges: Edges | None,
     coordinates: Sequence[str],
     curve: PiecewisePolynomial,
-    segments: NDArray[np.intp],
-    dt: Array | Nodes,
+    segments: IndexArray,
+    dt: Times,
     states: PiecewisePolynomial | None = None,
 ) -> Array | None:
     """Values (k, N) of the switches, constant over the whole segment of an instant.
@@ -437,8 +417,8 @@ def outside(
     names: Sequence[str],
     coordinates: Sequence[str],
     curve: PiecewisePolynomial,
-    segments: NDArray[np.intp],
-    dt: Array | Nodes,
+    segments: IndexArray,
+    dt: Times,
     states: PiecewisePolynomial | None = None,
 ) -> Array:
     """Rows (k, N) of the quantities of loads beside the coordinates, see `Frames.outside`.

@@ -148,8 +148,8 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
         if link != GROUND:
             loose = [curve for curve in drawn if curve.layer == layer and not curve.closed]
             made.notes += _loose(f'{title}: {layer}', unit, [outer, *inner], loose)
-            if other := next((curve for curve in inner if not _within(outer, curve)), None):
-                x, y = _middle(other)
+            if stray := next((curve for curve in inner if not _within(outer, curve)), None):
+                x, y = _middle(stray)
                 raise InputError(
                     f'{title}: {layer} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} '
                     'is not within the largest; a link is one plate with its holes'

@@ -29,7 +29,7 @@ from mechanism_sim.keys.quantities import (
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
-from mechanism_sim.planar.frames import Frames, Jet, lift, wrapped
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift, wrapped
 from mechanism_sim.planar.gaps import (
     BOUNDS,
     FrictionlessGap,
@@ -267,7 +267,7 @@ class EndStop(_Stop):
         start, end = (beside(line.on, line.axis, at, x) for x in (-high, high))
         draft.wall(line.link, start, end)
 
-    def _axis(self, frames: Frames, angle: float, label: str) -> tuple[Jet, Jet]:
+    def _axis(self, frames: Frames, angle: float, label: str) -> JetPair:
         line = self.mechanism.joint(self.joint).line
         assert line is not None  # noqa: S101 - it has one
         return along(self.mechanism, frames, line, angle, f'{self.joint}.{label}')
@@ -289,7 +289,7 @@ class EndStop(_Stop):
             way = ux * x + uy * y
         return way - limit if self.sign > 0.0 else limit - way
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Direction of the guide or slot, towards the end that presses on the second link."""
         ux, uy = self._axis(frames, 0.0, 'way')
         sign = -self._way * self.sign

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.drive_laws import LawSchedule
 from mechanism_sim.engine.events import Impacts, ModeChange
@@ -37,8 +37,8 @@ from mechanism_sim.linkages.piece_ends import (
 )
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
-    Nodes,
     PiecewisePolynomial,
+    Times,
     chebyshev_coefficients,
     fit_powers,
     shift_powers,
@@ -525,8 +525,8 @@ class NominalPhysics(Physics):
     def _observe(
         self,
         motion: Motion,
-        segments: NDArray[np.intp],
-        dt: Array | Nodes,
+        segments: IndexArray,
+        dt: Times,
         limited: bool = True,
     ) -> Observation:
         """Observed without whole turns; limits of forces in joints, which take time, on request.
@@ -548,7 +548,7 @@ class NominalPhysics(Physics):
             acting = None if acting is None else acting[:, near]
             required = self._forces.required(q[:, near], v[:, near], a[:, near], known, acting)
 
-            def sampled(part: Passage, which: NDArray[np.intp], share: float) -> Observation:
+            def sampled(part: Passage, which: IndexArray, share: float) -> Observation:
                 return self._sampled(part, curve, segment[which], since[which], share)
 
             return with_limits(seen, sampled if limited else None, required, passage)
@@ -560,7 +560,7 @@ class NominalPhysics(Physics):
         )  # fmt: skip
 
     def _motion(
-        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+        self, curve: PiecewisePolynomial, segments: IndexArray, dt: Times
     ) -> tuple[Array, Array, Array, Passage | None]:
         """Coordinates without whole turns, rates and accelerations, exact beside the fitted."""
         driven = self._ideal.driven
@@ -569,15 +569,11 @@ class NominalPhysics(Physics):
         closed_by = rows(self._ideal.edges, self.coordinates, curve, segments, dt)
         return self._ideal.motion(fitted, v[driven], a[driven], (v, a), closed_by)
 
-    def moved(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array]:
+    def moved(self, motion: Motion, segments: IndexArray, dt: Times) -> tuple[Array, Array]:
         """Coordinates without whole turns, and rates (n, N)."""
         return self._motion(motion.curve, segments, dt)[:2]
 
-    def _outside(
-        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Array:
+    def _outside(self, curve: PiecewisePolynomial, segments: IndexArray, dt: Times) -> Array:
         """Inputs that loads ask for beside the motion."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
         return outside(self._forces.outside, self.coordinates, curve, segments, dt)
@@ -586,8 +582,8 @@ class NominalPhysics(Physics):
         self,
         seen: Observation,
         curve: PiecewisePolynomial,
-        segments: NDArray[np.intp],
-        dt: Array | Nodes,
+        segments: IndexArray,
+        dt: Times,
     ) -> None:
         """Refuse loads that are not finite: forces alone are not at singular positions, either.
 
@@ -620,7 +616,7 @@ class NominalPhysics(Physics):
         self,
         passage: Passage,
         curve: PiecewisePolynomial,
-        segments: NDArray[np.intp],
+        segments: IndexArray,
         dt: Array,
         share: float,
     ) -> Observation:
@@ -725,9 +721,7 @@ class NominalPhysics(Physics):
                 found.append(single)
         return sorted(found)
 
-    def _idle(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array, rests: bool
-    ) -> list[NoLimit]:
+    def _idle(self, motion: Motion, segments: IndexArray, dt: Array, rests: bool) -> list[NoLimit]:
         """Note on instants at which unknown loads do no work, or from which on."""
         if not dt.size:
             return []
@@ -745,7 +739,7 @@ class NominalPhysics(Physics):
             for i in range(len(t))
         ]
 
-    def work_of_unknowns(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+    def work_of_unknowns(self, motion: Motion, segments: IndexArray, dt: Array) -> Array:
         """Virtual power of the unknown loads (N,), see `planar.unknowns.Unknowns.work`."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
         curve = motion.curve
@@ -754,7 +748,7 @@ class NominalPhysics(Physics):
         outside = self._outside(curve, segments, dt)
         return self._forces.work_of_unknowns(q, v, a, outside, acting)
 
-    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+    def account(self, motion: Motion, segments: IndexArray, dt: Times) -> Account:
         """Terms of the energy balance, and how far the interpolated loops are open."""
         limited = len(self.driven) > 1 or bool(self.unknowns)  # one drive's torque follows without
         seen = self._observe(motion, segments, dt, limited)
@@ -786,7 +780,7 @@ class NominalPhysics(Physics):
         forces = self._forces
         return forces is not None and (forces.loses_more or forces.steep is not None)
 
-    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def load_power(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Power (N,) [W] that springs, dampers and loads take."""
         q, v, _, _ = self._motion(motion.curve, segments, dt)
         return self._load_power(q, v, motion.curve, segments, dt)
@@ -796,8 +790,8 @@ class NominalPhysics(Physics):
         q: Array,
         v: Array,
         curve: PiecewisePolynomial,
-        segments: NDArray[np.intp],
-        dt: Array | Nodes,
+        segments: IndexArray,
+        dt: Times,
     ) -> Array:
         """Power of loads, where coordinates and rates are known."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise

@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, polynomial
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, LinkPoint
 from mechanism_sim.planar.protocols import Load, moment_of
@@ -250,7 +250,7 @@ class Spring(Elongation):
         place = self.mechanism.locate_all
         return np.asarray(place(b, q, at_b) - place(a, q, at_a))
 
-    def _between(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _between(self, frames: Frames) -> JetPair:
         x, y = (
             b - a
             for a, b in zip(

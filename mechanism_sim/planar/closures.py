@@ -13,7 +13,7 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Weld
 from mechanism_sim.planar.protocols import Load, Relation, Wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
@@ -50,7 +50,7 @@ class _TurnlessClosure(ABC):
     mechanism: Mechanism
 
     @abstractmethod
-    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+    def _directions(self, frames: Frames) -> tuple[JetPair, JetPair]:
         """Directions of the second link's x axis: as the first link holds it, and as it is."""
 
     def facing(self, frames: Frames) -> list[Term]:
@@ -63,7 +63,7 @@ class _TurnlessClosure(ABC):
 class PrismaticClosure(_TurnlessClosure):
     """A prismatic joint: the second link's point stays on the line, without rotation."""
 
-    def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _normal(self, frames: Frames) -> JetPair:
         """Normal of the line, 90 degrees counterclockwise from its axis."""
         if foot := self._foot(frames):
             return foot.normal
@@ -98,7 +98,7 @@ class PrismaticClosure(_TurnlessClosure):
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 
-    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+    def _directions(self, frames: Frames) -> tuple[JetPair, JetPair]:
         joint, foot = self._joint, self._foot(frames)
         at = None if foot else joint.on_first
         first = self.mechanism.direction(joint.first, joint.angle, at)
@@ -132,7 +132,7 @@ def slid(mechanism: Mechanism, frames: Frames, guide: Prismatic) -> Jet:
 class WeldClosure(_TurnlessClosure):
     """A weld: points coincide, and cross-sections there keep their angle."""
 
-    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+    def _directions(self, frames: Frames) -> tuple[JetPair, JetPair]:
         m, j = self.mechanism, self.mechanism.joint(self.name)
         held = m.direction(j.first, j.angle if isinstance(j, Weld) else 0.0, j.on_first)
         own = m.direction(j.second, 0.0, j.on_second)

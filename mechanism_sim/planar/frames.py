@@ -21,6 +21,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.points import GROUND, Point, factors
 from mechanism_sim.planar.switches import Switch, SwitchTable, ToothTable
 
+JetPair: TypeAlias = 'tuple[Jet, Jet]'
 Number: TypeAlias = 'Jet | hy.expression | float | None'
 STATE = 'state:'
 """Prefix of the names of states of first order in `Frames.outside`."""
@@ -208,7 +209,7 @@ class Frames:
             return x, y
         return _turned(hy.cos(self.q[frame]), hy.sin(self.q[frame]), x, y)
 
-    def position(self, point: Point, label: str) -> tuple[Jet, Jet]:
+    def position(self, point: Point, label: str) -> JetPair:
         """World components [m] of a point; `label` names its parameters."""
         x: list[Jet] = []
         y: list[Jet] = []
@@ -231,7 +232,7 @@ class Frames:
         zero = Jet(None, {}, None, None)
         return sum(x, zero), sum(y, zero)
 
-    def turned(self, frame: str, x: Term, y: Term) -> tuple[Jet, Jet]:
+    def turned(self, frame: str, x: Term, y: Term) -> JetPair:
         """World components of a vector that is fixed in a frame."""
         if frame == GROUND:
             return Jet(x, {}, None, None), Jet(y, {}, None, None)
@@ -408,5 +409,4 @@ def lift(x: Number) -> Jet:
     """A number or a parameter as a jet that does not move."""
     if isinstance(x, Jet):
         return x
-    known = x is None or isinstance(x, hy.expression)
-    return Jet(x if known else hy.expression(float(x)), {}, None, None)
+    return Jet(hy.expression(float(x)) if isinstance(x, int | float) else x, {}, None, None)

@@ -11,7 +11,7 @@ import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
@@ -58,15 +58,10 @@ class FrictionlessGap(MeasuredGap):
     """A gap whose force is axial or a moment, without a force in the plane."""
 
     def slip(self, _: Frames) -> Jet:
-        """Refuse: slips exist only for gaps with friction.
-
-        Raises
-        ------
-        NotImplementedError
-        """
+        """Refuse: slips exist only for gaps with friction."""
         raise NotImplementedError(f'{type(self).__name__} has no friction')
 
-    def normal(self, _: Frames) -> tuple[Jet, Jet]:
+    def normal(self, _: Frames) -> JetPair:
         """Normal in the plane: zero."""
         return lift(0.0), lift(0.0)
 
@@ -115,7 +110,7 @@ class Wall(MeasuredGap):
         """1 while the wall has friction, 0 while a frictionless part holds; None if always."""
         return self.touch.engaged(frames) if self.touch else None
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Direction of the force of the wall."""
         pressed = self.wrench(frames, hy.expression(1.0), None)
         return lift(dense(pressed.x)), lift(dense(pressed.y))

@@ -8,9 +8,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.four_bar import Branch, FourBarLoop, whole_four_bar
 from mechanism_sim.linkages.grashof import change_points
@@ -275,7 +274,7 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
     a turn.
     """
 
-    def fits(q: Array, left: Array) -> NDArray[np.bool_]:
+    def fits(q: Array, left: Array) -> Mask:
         return np.asarray((left == 0.0) & (kinematics.faces(q) if targets is None else True))
 
     q, left = kinematics.positions(guess[:, None], targets)

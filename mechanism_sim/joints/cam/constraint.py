@@ -23,7 +23,7 @@ from mechanism_sim.joints.cam.reading import CamReading, read_cam
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.elastic import Beam
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.protocols import Wrench, moment_of
@@ -197,9 +197,7 @@ class CamClosure(HigherClosure[CamPair]):
             turned += chord(self.mechanism, frames, joint.second, joint.pivot, joint.on_second)
         return turned * sign + lift(known)
 
-    def _from_camshaft(
-        self, frames: Frames, link: str, at: Vector2, label: str
-    ) -> tuple[Jet, Jet]:
+    def _from_camshaft(self, frames: Frames, link: str, at: Vector2, label: str) -> JetPair:
         """Vector from the camshaft to a point of a link, in the frame of `followers` [m]."""
         px, py = frames.position(self.mechanism.point(link, at), f'{self.name}.{label}')
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')

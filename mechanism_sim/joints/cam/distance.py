@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+from typing import ClassVar, Literal, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -34,14 +34,14 @@ from mechanism_sim.joints.cam.followers import (
 from mechanism_sim.joints.cam.laws import Eccentric, Law, Piecewise, Raised
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent
 from mechanism_sim.numerics.symbolic import dense, polynomial
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.view import Side
 
 _LONGEST = 0.5 * math.pi  # [rad] of a row: beyond, its own place would be ambiguous
-Pair: TypeAlias = tuple[Jet, Jet]
 
+_Path = tuple[JetPair, JetPair, JetPair]
 NONE = Jet(None, {}, None, None)
 ONE = Jet(hy.expression(1.0), {}, None, None)
 
@@ -124,7 +124,7 @@ class Distance:
         bend = self._bend(path, along, laws, square, speed)
         return off * (across + off * bend * 0.5)
 
-    def _path(self, frames: Frames, at: Jet) -> tuple[Pair, Pair, Pair]:
+    def _path(self, frames: Frames, at: Jet) -> _Path:
         """Centre of the roller and its two derivatives by the follower's position."""
         follower, p = self.cam.follower, frames.parameters
         if isinstance(follower, Translating):
@@ -137,16 +137,14 @@ class Distance:
         x, y = b * at.chain(c, -s, -c), b * at.chain(s, c, -s) * side
         return (a - x, -y), (y * side, -(x * side)), (x, y)
 
-    def _along(self, path: tuple[Pair, Pair, Pair], laws: list[Jet]) -> Pair:
+    def _along(self, path: _Path, laws: list[Jet]) -> JetPair:
         """Velocity of the roller's centre seen from the cam, per radian or metre."""
         (x, y), way, _ = path
         if self.slides:
             return way[0] * laws[1], way[1] * laws[1] + ONE
         return way[0] * laws[1] - y, way[1] * laws[1] + x
 
-    def _bend(
-        self, path: tuple[Pair, Pair, Pair], along: Pair, laws: list[Jet], square: Jet, speed: Jet
-    ) -> Jet:
+    def _bend(self, path: _Path, along: JetPair, laws: list[Jet], square: Jet, speed: Jet) -> Jet:
         """Second derivative of D by the follower's position, from the pitch curve's curvature."""
         p, way, bent = path
         _, u1, u2 = laws
@@ -164,7 +162,7 @@ class Distance:
         return (_cross(bent, along) + curved) * _reciprocal(speed)
 
 
-def _cross(a: Pair, b: Pair) -> Jet:
+def _cross(a: JetPair, b: JetPair) -> Jet:
     return a[0] * b[1] - a[1] * b[0]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.gaps import ContactGap, with_turning
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
@@ -139,7 +139,7 @@ class DiscGap(ContactGap):
         root = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * value / self.reach))
         return np.asarray(2.0 * value / (1.0 + root))
 
-    def _apart(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _apart(self, frames: Frames) -> JetPair:
         """Vector from the second's point to the first's [m]."""
         return frames.position(self.mechanism.separation(self.name), self.name)
 
@@ -158,7 +158,7 @@ class DiscGap(ContactGap):
 
     def _along(
         self, frames: Frames, x: Jet, y: Jet
-    ) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet], tuple[hy.expression, hy.expression]]:
+    ) -> tuple[JetPair, JetPair, tuple[hy.expression, hy.expression]]:
         """Position of first's centre along and across a bar, and from its end; end flags."""
         ux, uy = self._bar(frames)
         along, across = ux * x + uy * y, ux * y - uy * x
@@ -170,7 +170,7 @@ class DiscGap(ContactGap):
 
     # --- the force ------------------------------------------------------------------------------
 
-    def _nearest(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _nearest(self, frames: Frames) -> JetPair:
         """Vector from the nearest point of the second's middle or segment to the first's."""
         x, y = self._apart(frames)
         if self.pair.end is None:
@@ -183,7 +183,7 @@ class DiscGap(ContactGap):
             across * ux * on + y * before + ey * after,
         )
 
-    def _bar(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _bar(self, frames: Frames) -> JetPair:
         """Unit vector along the second's segment."""
         end, start = self.pair.end, self.pair.on_second
         assert end is not None  # noqa: S101 - it is a bar
@@ -193,7 +193,7 @@ class DiscGap(ContactGap):
     def _minus(self, frames: Frames) -> hy.expression:
         return -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Normal from the first's middle to the second, ``-Q/R``."""
         x, y = self._nearest(frames)
         minus = self._minus(frames)

@@ -18,12 +18,11 @@ from typing import Annotated, ClassVar, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint
 from mechanism_sim.planar.protocols import Wrench
@@ -36,9 +35,6 @@ from mechanism_sim.planar.view import (
     complex_of,
     points_of,
 )
-
-Pair = tuple[Jet, Jet]
-
 
 DRIVEN: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -53,7 +49,7 @@ DRIVEN: Mapping[str, tuple[str, ...]] = MappingProxyType(
 class GenevaReading(NamedTuple):
     """An intermittent drive at N instants; forces are NaN where masses are not known."""
 
-    engaged: Annotated[NDArray[np.bool_], Told('', 'pin in a slot: 1, else 0')]
+    engaged: Annotated[Mask, Told('', 'pin in a slot: 1, else 0')]
     driver_angle: Annotated[Array, Told('rad', 'angle of {first}', repeats=True)]
     driver_speed: Annotated[Array, Told('rad/s', 'speed of {first}', repeats=True)]
     driver_acceleration: Annotated[Array, Told('rad/s^2', 'acceleration of {first}', repeats=True)]
@@ -80,9 +76,7 @@ class IndexingPair(HigherPair):
     def reading(self, view: PairView) -> GenevaReading:
         """Reading: position of the pin in a slot, motions of both links, forces."""
 
-    def _read(
-        self, view: PairView, engaged: NDArray[np.bool_], centre: Array, effort: Array
-    ) -> GenevaReading:
+    def _read(self, view: PairView, engaged: Mask, centre: Array, effort: Array) -> GenevaReading:
         driver, driven = view.turning(self.first), view.trajectory(self.second)
         (fx, fy), torque = view.force, view.moment_on_first(centre)
         return GenevaReading(
@@ -160,7 +154,7 @@ class Geneva(IndexingPair):
 class GenevaClosure(HigherClosure[Geneva]):
     """A Geneva wheel without clearance."""
 
-    def _pin(self, frames: Frames) -> Pair:
+    def _pin(self, frames: Frames) -> JetPair:
         """Vector from the wheel's centre to the pin, in the world [m]."""
         return frames.position(self.mechanism.separation(self.name), self.name)
 
@@ -226,7 +220,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         )
 
 
-def _polar(x: Jet, y: Jet) -> Pair:
+def _polar(x: Jet, y: Jet) -> JetPair:
     """Radius and angle of a vector that does not vanish."""
     half = x.half_square() + y.half_square()
     r = hy.sqrt(2.0 * half.value)

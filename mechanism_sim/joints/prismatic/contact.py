@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.gaps import SIDES, MeasuredGap, gap_name
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import Vector2, rotate
@@ -47,7 +47,7 @@ class GuideClearance(MeasuredGap):
             raise TypeError(f'{self.joint} is not a prismatic joint')
         return joint
 
-    def _along(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
+    def _along(self, frames: Frames, angle: float, what: str) -> JetPair:
         return along(self.mechanism, frames, self._guide.line, angle, f'{self.joint}.{what}')
 
     def _foot(self, frames: Frames) -> Foot | None:
@@ -59,7 +59,7 @@ class GuideClearance(MeasuredGap):
         corner = frames.position(m.point(j.second, self.corner), f'{self.name}.corner')
         return rail.foot(frames, corner, self.name, thick=True)
 
-    def _off(self, frames: Frames, on: Vector2, link: str, what: str) -> tuple[Jet, Jet]:
+    def _off(self, frames: Frames, on: Vector2, link: str, what: str) -> JetPair:
         """The corner from a point of a link."""
         joint = self._guide
         corner = frames.position(
@@ -88,7 +88,7 @@ class GuideClearance(MeasuredGap):
         way = ux * x + uy * y
         return (-way if self.side == 'left' else way).as_rate
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Normal from the wall to the axis."""
         foot = self._foot(frames)
         nx, ny = foot.normal if foot else self._along(frames, 0.5 * math.pi, 'normal')

@@ -10,7 +10,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing, Vector
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.gaps import ContactGap, with_turning
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Point
@@ -74,7 +74,7 @@ class BearingClearance(ContactGap):
         arms = self.pin_radius, -self.arm
         return with_turning(tangential, frames, self.mechanism, self.name, joint.points, arms)
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """``Q/c``: the direction from bushing centre to pin centre."""
         x, y = self._pin_in_bushing(frames)
         minus = self._minus_curvature(frames)
@@ -90,7 +90,7 @@ class BearingClearance(ContactGap):
         arm = frames.parameters(f'{self.name}.arm', self.arm)
         return contact_wrench(self.normal(frames), N, T, arm)
 
-    def _pin_in_bushing(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _pin_in_bushing(self, frames: Frames) -> JetPair:
         return frames.position(self.apart, self.name)
 
     @property

@@ -23,12 +23,11 @@ from typing import ClassVar, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.gaps import Wall
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import LinkPoint
@@ -102,7 +101,7 @@ class Rope(HigherPair):
 class Stretch(NamedTuple):
     """An open stretch of a rope."""
 
-    span: tuple[Jet, Jet]  #: vector between the centres of its ends [m]
+    span: JetPair  #: vector between the centres of its ends [m]
     length: hy.expression  #: length [m]
     way: tuple[hy.expression, hy.expression]  #: unit vector along it
 
@@ -206,7 +205,7 @@ class Slack(Wall):
 
     closure: RopeClosure
 
-    def _laid(self, q: Array) -> tuple[Array, NDArray[np.complex128]]:
+    def _laid(self, q: Array) -> tuple[Array, ComplexArray]:
         """Lengths (k, N) [m] and directions of its open stretches at q (n, N)."""
         pulleys, tree = self.closure.joint.pulleys, self.closure.mechanism
         places = np.array([tree.locate_all(link, q, at) for (link, at), *_ in pulleys])
