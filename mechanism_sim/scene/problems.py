@@ -108,7 +108,8 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     if kind == 'model_type' and len(own) == 1:
         models = _at(model, path)
         known = _keys(models, {})
-        alone = _of_file(models, value) or _instead(models, value)
+        reads = any(m.of_files for m in models if issubclass(m, Part))
+        alone = (reads and named_file(value)) or _instead(models, value)
         must = f'{shown}: it must be {_TYPES[kind]}{alone}'
         return f'{must}; allowed here: {", ".join(known)}'
     if kind == 'dict_type' and isinstance(value, list | tuple):
@@ -121,12 +122,6 @@ def _names_file(problem: ErrorDetails, model: type[BaseModel]) -> bool:
     """True of a key by which a file would be read if there were no others that are unknown."""
     *path, key = map(str, problem['loc'])
     return any(key in m.of_files for m in _at(model, path) if issubclass(m, Part))
-
-
-def _of_file(models: Iterable[type[BaseModel]], value: Any) -> str:
-    """Advice on how to name a file, if a value is the name of one."""
-    reads = any(m.of_files for m in models if issubclass(m, Part))
-    return named_file(value) if reads else ''
 
 
 def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
