@@ -124,7 +124,7 @@ def _terms(node: ExpressionNode) -> list[ExpressionNode]:
 
 
 def _squared(node: ExpressionNode) -> list[ExpressionNode]:
-    """What is squared in a sum of squares, as ``vx**2 + vy*vy``; empty for all else."""
+    """Bases of a sum of squares, as ``vx**2 + vy*vy``; empty for all else."""
     match node.kind, node.args:
         case '+', (a, b) if (left := _squared(a)) and (right := _squared(b)):
             return left + right
