@@ -60,13 +60,7 @@ class Contacts:
         self._resolves_all = bool(state.run.counters[WATCHED])
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """Set the coefficient of restitution of all gaps of a joint.
-
-        Raises
-        ------
-        KeyError
-            If the joint has no gap.
-        """
+        """Set the coefficient of restitution of all gaps of a joint; KeyError if it has none."""
         own = [i for i, gap in enumerate(self._system.gaps) if gap.joint == joint]
         for i in own:
             self.state.problem.restitution[i] = restitution

@@ -19,8 +19,7 @@ from mechanism_sim.tolerances import TOLERANCES
 
 _SINGULAR = TOLERANCES.singular
 
-Segments = IndexArray
-Distance = Callable[[Segments, Array], Array]
+Distance = Callable[[IndexArray, Array], Array]
 """Measure of the closures' independence (K S,) at times (K, S) [s] in segments (K,)."""
 
 _NODES = 33
@@ -44,7 +43,7 @@ class Crossings:
     """
 
     def __init__(
-        self, motion: Motion, segments: Segments, free: Sequence[int], distance: Distance
+        self, motion: Motion, segments: IndexArray, free: Sequence[int], distance: Distance
     ) -> None:
         curve = motion.curve
         top = curve.coefficients[segments][:, free, -1]
@@ -69,7 +68,7 @@ class Crossings:
         self.segments, self.touch = np.array(kept, dtype=np.intp), np.array(touch)
         self._duration = curve.duration
 
-    def near(self, segments: Segments, dt: Array) -> Mask:
+    def near(self, segments: IndexArray, dt: Array) -> Mask:
         """Mask of the instants `dt` (N,) [s] so near a crossing that forces are inaccurate."""
         close = np.zeros(len(dt), dtype=bool)
         for segment, touch in zip(self.segments, self.touch, strict=True):
@@ -78,7 +77,7 @@ class Crossings:
         return close
 
     def limits(
-        self, segments: Segments, dt: Array, values: Callable[[Segments, Array], Array]
+        self, segments: IndexArray, dt: Array, values: Callable[[IndexArray, Array], Array]
     ) -> Array:
         """Limits of M functions at instants (N,) near a singular position: (M, N).
 

@@ -156,14 +156,7 @@ class EventLoop:
         return self._steps.longest
 
     def change_law(self, law: Law) -> None:
-        """Announce a law that replaces that of its coordinate from ``law.valid_from`` on.
-
-        Raises
-        ------
-        ValueError
-            If the motion is already known beyond that time, or the system is not compiled for
-            the degree of the law.
-        """
+        """Announce a law that replaces that of its coordinate, see `DriveLaws.announce`."""
         self._laws.announce(law, self.time)
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
@@ -261,13 +254,7 @@ class EventLoop:
         return self._output.peek(self._pending.tau, h) if h > 0.0 else None
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """Set the coefficient of restitution of a joint with clearance, from now on.
-
-        Raises
-        ------
-        KeyError
-            If the joint has no gap.
-        """
+        """Set the coefficient of restitution of a joint from now on; KeyError if it has no gap."""
         self._contacts.change_restitution(joint, restitution)
 
     def _cut(self, at: float) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
@@ -78,7 +77,12 @@ class EventStages:
         out = run.terms if stage < respond.PROJECTED else run.seen[: function.nouts]
         present.evaluate(function, out=out)
         if self._all.compiled and not self._addresses[stage]:
-            self._find_code(name, function)
+            code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
+            if code:  # `resolve` gets the address of the function's machine code
+                self._codes.append(code)
+                for k, needed in enumerate(respond.NEEDS):
+                    if needed == name:
+                        self._addresses[k] = code.addresses[0]
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage whose function is evaluated, for a guard or gap; returns the next one."""
@@ -124,12 +128,3 @@ class EventStages:
         self.changed = counters[respond.CHANGES] > changes.count
         changes.count = counters[respond.CHANGES]
         return after
-
-    def _find_code(self, name: str, function: hy.cfunc_dbl) -> None:
-        """Give `resolve` the address of a function's machine code, where it is available."""
-        code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
-        if code:
-            self._codes.append(code)
-            for stage, needed in enumerate(respond.NEEDS):
-                if needed == name:
-                    self._addresses[stage] = code.addresses[0]

@@ -128,13 +128,7 @@ class Switching:
         return places
 
     def _row_after(self, switch: int) -> int:
-        """Row of a switch that follows the present one.
-
-        Raises
-        ------
-        RunError
-            If there is none.
-        """
+        """Row of a switch that follows the present one; RunError if there is none."""
         known, row, place = (
             self._system.switches[switch],
             self.rows[switch],

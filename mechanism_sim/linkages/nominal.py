@@ -132,13 +132,7 @@ class NominalRun:
         return float(self._time)
 
     def change_law(self, law: Law) -> None:
-        """Announce a law that replaces the present one from ``law.valid_from`` on.
-
-        Raises
-        ------
-        ValueError
-            If the motion is already known beyond that time, or the law is a torque's.
-        """
+        """Announce a law, as `LawSchedule.announce`; ValueError for that of a torque, too."""
         if not isinstance(law, DriveLaw):
             raise ValueError('a torque needs equations of motion, not closed forms')
         self._drives.announce(law, self._time)
@@ -585,13 +579,7 @@ class NominalPhysics(Physics):
         segments: IndexArray,
         dt: Times,
     ) -> None:
-        """Refuse loads that are not finite: forces alone are not at singular positions, either.
-
-        Raises
-        ------
-        RunError
-            Which loads, and when first.
-        """
+        """Refuse loads that are not finite: forces alone are not at singular positions, either."""
         forces = self._forces
         if forces is None or not forces.formulas or np.isfinite(seen.drive_torque).all():
             return

@@ -43,13 +43,7 @@ class Parameters:
     values: list[float] = field(default_factory=list)
 
     def __call__(self, name: str, value: float) -> Term:
-        """Expression of the parameter `name`; ``None`` for zero.
-
-        Raises
-        ------
-        ValueError
-            If the name stands for another value already.
-        """
+        """Expression of the parameter `name`; None for zero, ValueError for a second value."""
         if value == 0.0:
             return None
         symbol = self.reserve(name, value)

@@ -71,6 +71,8 @@ class Linear(NamedTuple):
 class Linearisation:
     """The derivatives of a mechanism's equations of motion.
 
+    Searches for points end in a FloatingPointError where forces or their slopes are not finite.
+
     Parameters
     ----------
     mechanism : the tree of links, n coordinates
@@ -242,11 +244,6 @@ class Linearisation:
 
         By Newton's method, downhill where the potential is not convex, so that what is found is
         stable if the forces have a potential. Rates stay too. None if there is no such point.
-
-        Raises
-        ------
-        FloatingPointError
-            If forces or their slopes are not finite on the way.
         """
         for _ in range(_MECHANISM.equilibrium):
             at, linear = self._finite(at)
@@ -279,11 +276,6 @@ class Linearisation:
         """Point whose driven coordinates rotate steadily, and with them those coupled by springs.
 
         These keep all forces as they are. Unchanged where no rates do.
-
-        Raises
-        ------
-        FloatingPointError
-            If forces or their slopes are not finite.
         """
         if not at.v.any():
             return at
@@ -320,11 +312,6 @@ class Linearisation:
         ----------
         at : initial guess; its rates are the initial speed times `turned`
         turned : (n,) rates at unit speed
-
-        Raises
-        ------
-        FloatingPointError
-            If forces or their slopes are not finite on the way.
         """
         for _ in range(_MECHANISM.equilibrium):
             at, linear = self._finite(at)
@@ -362,13 +349,7 @@ class Linearisation:
         return max(stiff, held, inertia * 1e-3, 1e-300)
 
     def _finite(self, at: Point) -> tuple[Point, Linear]:
-        """The nearest point with closed loops, and the equations there.
-
-        Raises
-        ------
-        FloatingPointError
-            If they are not finite.
-        """
+        """The nearest point with closed loops, and the equations there, if they are finite."""
         at = self._closed(at)
         linear = self(at)
         if not all(np.isfinite(x).all() for x in linear):

@@ -185,13 +185,7 @@ class HigherPair(Connection, ABC):
         return False
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Rubbing:
-        """Sliding contact of the pair, with a pin of a radius [m].
-
-        Raises
-        ------
-        TypeError
-            If it has no friction.
-        """
+        """Sliding contact of the pair, with a pin of a radius [m]; TypeError without friction."""
         raise TypeError(f'{self.name} has no friction')
 
     @property
@@ -213,13 +207,7 @@ class HigherPair(Connection, ABC):
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     def reading(self, view: PairView) -> Any:
-        """Readings of the pair: a named tuple of (N,) arrays, the fields of a message.
-
-        Raises
-        ------
-        NotImplementedError
-            If no node is named.
-        """
+        """Readings of a pair with a node: named (N,) arrays, the fields of a message."""
         raise NotImplementedError(f'{self.name} has no readings')
 
     def slides(self, link: str, mechanism: Mechanism) -> bool:

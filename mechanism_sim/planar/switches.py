@@ -203,13 +203,7 @@ class SwitchTable:
         return int(self.rows_at(np.array(place)))
 
     def row_after(self, row: int, place: float) -> int:
-        """The row that begins where another one ends, at a position near its end.
-
-        Raises
-        ------
-        RunError
-            If there is none.
-        """
+        """The row that begins where another ends, near a position; RunError if none does."""
         away = place - float(self._middle[row])
         if self._endless:
             present = self.row_at(place)

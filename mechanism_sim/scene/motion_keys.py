@@ -136,13 +136,7 @@ class MotionProfile(Part):
                 )
 
     def spline(self) -> tuple[Array, Array]:
-        """Breaks and rows of `numerics.curves.spline` through the points.
-
-        Raises
-        ------
-        ValueError
-            If there is none.
-        """
+        """Breaks and rows of `numerics.curves.spline` through the points, with its ValueError."""
         self.check_rising()
         x, y = np.array([(t, value.value) for t, value in self.given]).T
         how = self.interpolation or 'cubic'

@@ -215,11 +215,6 @@ def displacement(law: Law, name: str, angle: Jet, frames: Frames, count: int = 2
     ----------
     name : name of the table in `frames`
     angle : angle of the cam [rad], with any number of turns, or displacement of a sliding cam [m]
-
-    Raises
-    ------
-    TypeError
-        If the law has no expression.
     """
     x = dense(angle.value)
     if isinstance(law, Eccentric):

@@ -191,11 +191,6 @@ def _fitted(
     Parameters
     ----------
     rest : largest last terms [m] or [rad]
-
-    Raises
-    ------
-    InputError
-        If the cam angle does not grow along it.
     """
 
     def place(t: Array) -> tuple[Array, Array]:

@@ -196,13 +196,7 @@ class RevoluteKeys(StopKeys):
 
 
 def _worn_of(given: Clearance) -> WornShape | None:
-    """The shape of a bearing with a profile.
-
-    Raises
-    ------
-    ValueError
-        One sentence: why there is none.
-    """
+    """The shape of a bearing with a profile; a ValueError says why there is none."""
     if not given.profile:
         return None
     bushing, pin = (depth.tobytes() for depth in given.profile.depths(LOOKS))
