@@ -22,8 +22,13 @@ def to_rst(markdown: str) -> str:
         title = '{} ({})'.format(*named.groups())
         lines += [title, '-' * len(title)]
         for section in re.split(r'^### ', body, flags=re.MULTILINE)[1:]:
-            kind, *items = re.split(r'\n+- ', section.rstrip())
-            lines += [f'* {kind}: {_inline(item)}' for item in items]
+            # A section may have groups, each below a line in bold: `* New, Python: ...`.
+            kind, *groups = re.split(r'^\*\*(.+)\*\*$', section, flags=re.MULTILINE)
+            kind, _, ungrouped = kind.partition('\n')
+            for group, listed in zip(['', *groups[::2]], [ungrouped, *groups[1::2]], strict=True):
+                label = f'{kind}, {_inline(group)}' if group else kind
+                items = re.split(r'(?:^|\n+)- ', listed.strip())[1:]
+                lines += [f'* {label}: {_inline(item)}' for item in items]
         lines.append('')
     return '\n'.join(lines)
 

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IndexArray = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 Columns = TypeVar('Columns', bound=tuple[Any, ...])
 
 
-def some(columns: Columns, chosen: NDArray[np.intp] | slice) -> Columns:
+def some(columns: Columns, chosen: IndexArray | slice) -> Columns:
     """Some of the columns, by the last axis of each array."""
     return type(columns)(*(x[..., chosen] for x in columns))
 

@@ -339,8 +339,9 @@ def _rows(path: Path, data: bytes, where: str) -> tuple[str, list[tuple[int, lis
             # of headings a name and its unit are one cell
             texts = [line.replace('\t', ' ') for line in texts]
             mark, texts = ' ', [_WITH_UNIT.sub(r'"\g<0>"', line.strip()) for line in texts]
-        if mark == ',' and _is_one_column(texts):
-            mark = ';'
+        if mark == ',' and all(map(_DECIMAL_COMMA.fullmatch, texts)):
+            # numbers, one in a line; whole ones in two columns never begin with 0
+            mark = ';' if any(re.search(r',0\d', line) for line in texts) else mark
         reader = csv.reader(texts, delimiter=mark, skipinitialspace=True)
         rows = [(kept[min(reader.line_num, len(kept)) - 1] + 1, row) for row in reader]
         if framed:  # behind its numbers stands the kind of a segment
@@ -366,7 +367,11 @@ def _rows(path: Path, data: bytes, where: str) -> tuple[str, list[tuple[int, lis
     if guess:  # values are a thousand times off where it is wrong
         read, other = _point(guess), guess.replace(',', '')
         assume(f"{where}: commas are read as decimal signs: '{guess}' is {read}, not {other}")
-    if guess or (maybe and _commas_are_decimal(cells)):
+    # no number has a point, and not all that have a comma might be thousands
+    commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
+    pointed = any('.' in cell and _is_number(cell) for cell in cells)
+    decimal = not pointed and not all(map(_THOUSANDS.fullmatch, commas))
+    if guess or (maybe and decimal):
         rows = [(n, [_point(cell) for cell in row]) for n, row in rows]
     return first.strip(), rows
 
@@ -392,11 +397,6 @@ def _are_spaced(lines: Sequence[str], mark: str, first: str) -> bool:
     )
 
 
-def _is_one_column(lines: Sequence[str]) -> bool:
-    """True of numbers with decimal commas, one in a line: no whole ones, which begin without 0."""
-    return all(map(_DECIMAL_COMMA.fullmatch, lines)) and any(re.search(r',0\d', x) for x in lines)
-
-
 def _headings_at(lines: Sequence[str]) -> int:
     """Index of the line of headings below lines of a program or an instrument.
 
@@ -413,7 +413,9 @@ def _headings_at(lines: Sequence[str]) -> int:
         above = rows[first:k]  # of as many cells
         if not first and k <= 2:  # headings and units, whatever these look like
             return 0
-        if len(above) == 1 or (len(above) == 2 and _are_all_units(above[1])):
+        units = [x.strip(' "') for row in above[1:] for x in row if x.strip()]
+        whole = bool(units) and all(_within(x) or _is_unit(x) for x in units)
+        if len(above) == 1 or (len(above) == 2 and whole):
             return first
         named = above and any(name and unit for name, unit in _names_and_units(above[-1]))
         return k - 1 if named else 0
@@ -427,12 +429,6 @@ def _are_numbers(rows: Sequence[Sequence[str]]) -> bool:
     return known and numbers and len({len(row) for row in rows}) == 1 and len(rows[0]) > 1
 
 
-def _are_all_units(row: Sequence[str]) -> bool:
-    """True if cells are units or empty."""
-    found = [x.strip(' "') for x in row if x.strip()]
-    return bool(found) and all(_within(x) or _is_unit(x) for x in found)
-
-
 def _text(data: bytes) -> str:
     """The text of a file in UTF-8, or as programs of offices write it where asked for less."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -443,13 +439,6 @@ def _text(data: bytes) -> str:
         if b'\0' in data:
             raise
         return data.decode('cp1252')
-
-
-def _commas_are_decimal(cells: Sequence[str]) -> bool:
-    """True if no number has a point, and not all that have a comma might be thousands."""
-    commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
-    pointed = any('.' in cell and _is_number(cell) for cell in cells)
-    return not pointed and not all(map(_THOUSANDS.fullmatch, commas))
 
 
 def _look_decimal(cells: Sequence[str]) -> str:

@@ -139,12 +139,7 @@ def texts_of(
 
 
 def check(data: Any, where: tuple[str, ...] = ()) -> None:
-    """Refuse data of kinds or sizes that later stages cannot handle.
-
-    Raises
-    ------
-    DocumentError
-    """
+    """Refuse data of kinds or sizes that later stages cannot handle."""
     place = quoted('.'.join(where)).strip('\'"') or 'the document'
     if len(where) > DEEPEST:
         raise DocumentError(f'{place}: nested more than {DEEPEST} levels deep')

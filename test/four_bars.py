@@ -81,7 +81,10 @@ def event_loop(machine, laws=None, degree=None):
     laws = laws or [machine.drive.law]
     clearance = machine.plan.clearances['coupler_rocker']
     gap = BearingClearance(
-        'coupler_rocker', machine.mechanism, clearance.radial, clearance.restitution
+        'coupler_rocker',
+        machine.mechanism,
+        clearance.radial,
+        restitution=clearance.restitution,
     )
     system = System(machine.mechanism, [gap], ['crank'], degree or laws[0].degree)
     run = EventLoop(

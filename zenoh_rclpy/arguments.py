@@ -72,7 +72,8 @@ class Arguments:
         found: dict[str, Any] = {}
         for pattern, values in self.parameters.items():
             # '/*' is any one name, '/**' any number of them.
-            expression = f'/{pattern.removeprefix("/")}'.replace('/*', r'(/\w+)')
+            expression = re.escape(f'/{pattern.removeprefix("/")}')
+            expression = expression.replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'/\w+')
             if re.fullmatch(expression, full_name):
                 found |= values
         return found

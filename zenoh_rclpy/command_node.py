@@ -202,12 +202,21 @@ class CommandNode:
             list(self.node.get_subscriptions_info_by_topic(name)),
         )
 
-    def nodes(self) -> list[str]:
-        """Full names of all nodes but those of commands."""
-        self.settle()
+    def nodes(self, service: str = '') -> list[str]:
+        """Full names of all nodes but those of commands.
+
+        Parameters
+        ----------
+        service : only nodes with this one below their name: not all have those of parameters
+        """
+        served = {name for name, _ in self.services()}
         pairs = self.node.get_node_names_and_namespaces()
         names = {f'{space.rstrip("/")}/{name}' for name, space in pairs}
-        return sorted(n for n in names if f'/{_NAME}' not in n)
+        return sorted(
+            n
+            for n in names
+            if f'/{_NAME}' not in n and (not service or f'{n}/{service}' in served)
+        )
 
     def of_node(self, node: str) -> dict[str, list[tuple[str, list[str]]]]:
         """Topics and services of a node with their types, by kind; without those of actions.
@@ -235,6 +244,8 @@ class CommandNode:
 
     def _no_node(self, full: str) -> Exception:
         known = self.nodes()
+        if full in known:
+            return UsageError(f'{full} has no services for its parameters')
         return missing(
             f"there is no node '{full}'; nodes: {', '.join(known) or 'none'}", full, known
         )

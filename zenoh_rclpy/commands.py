@@ -363,7 +363,7 @@ def _node_info(node: CommandNode, options: argparse.Namespace) -> None:
 
 
 def _param_list(node: CommandNode, options: argparse.Namespace) -> None:
-    names = [options.node] if options.node else node.nodes()
+    names = [options.node] if options.node else node.nodes('list_parameters')
     found = {name: node.parameter_names(name) for name in names}
     if options.json:
         _print_json(found)
@@ -410,8 +410,10 @@ def _is_in_files(value: Any) -> bool:
 
 
 def _param_set(node: CommandNode, options: argparse.Namespace) -> None:
+    from zenoh_rclpy.parameter_files import parse_value  # noqa: PLC0415
+
     owner, name = options.node, options.name
-    node.set_parameter(owner, name, _values(options.value))
+    node.set_parameter(owner, name, _typed(options.value, parse_value))
     value = node.parameter(owner, name)
     if options.json:
         _print_json({'node': owner, 'parameter': name, 'value': value})
@@ -448,8 +450,13 @@ def _values(text: str | None) -> Any:
     """A typed value, in the YAML of ROS; None if nothing was typed."""
     from zenoh_rclpy.parameter_files import parse  # noqa: PLC0415
 
+    return None if text is None else _typed(text, parse)
+
+
+def _typed(text: str, read: Callable[[str], Any]) -> Any:
+    """A typed text, read so; errors name it."""
     try:
-        return None if text is None else parse(text)
+        return read(text)
     except ValueError as error:
         raise ValueError(f"'{text}': {error}") from error
 

@@ -90,7 +90,11 @@ def opens_router() -> bool:
 
 def domain_id() -> int:
     """The ROS domain."""
-    return _number('ROS_DOMAIN_ID', os.environ.get('ROS_DOMAIN_ID') or '0')
+    text = os.environ.get('ROS_DOMAIN_ID') or '0'
+    number = _number('ROS_DOMAIN_ID', text)
+    if number < 0:  # whose keys nobody would find
+        raise InvalidSettingError(f'ROS_DOMAIN_ID={text!r}: a domain is a number from 0 on')
+    return number
 
 
 def has_type_hashes() -> bool:

@@ -32,11 +32,11 @@ class ParameterKind(IntEnum):
         if type(value) in _SCALARS:
             return _SCALARS[type(value)]
         if isinstance(value, Sequence):
+            if not value:
+                return cls.BYTE_ARRAY  # what rclpy takes an empty list for
             kinds = {type(item) for item in value}
             if len(kinds) == 1 and (kind := kinds.pop()) in _ARRAYS:
                 return _ARRAYS[kind]
-            if not kinds:
-                return cls.BYTE_ARRAY  # what rclpy takes an empty list for
         raise TypeError(f'A parameter cannot hold {value!r}')
 
 

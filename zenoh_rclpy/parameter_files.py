@@ -19,7 +19,13 @@ _PLAIN = '!plain'
 
 
 class _Loader(yaml.SafeLoader):
-    """Marks what is not quoted and has no tag."""
+    """Marks what is not quoted and has no tag; takes no aliases, as ROS."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            name = self.peek_event().anchor  # type: ignore[no-untyped-call]
+            raise ValueError(f'ROS has no aliases of values as *{name}: write them out')
+        return super().compose_node(parent, index)
 
     def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
         if kind is yaml.ScalarNode and implicit[0]:
@@ -41,7 +47,10 @@ _Dumper.add_representer(str, _quoted)
 
 def parse(text: str) -> Any:
     """Mappings, lists and values of a text; ValueError if it is no YAML, or lacks a value."""
-    return _content(_compose(text))
+    try:
+        return _content(_compose(text))
+    except RecursionError:
+        raise ValueError('its lists or mappings are nested too deep') from None
 
 
 def parse_value(text: str) -> Any:
@@ -100,6 +109,8 @@ def _content(node: Any) -> Any:
     if node is None:
         raise ValueError('there is no value')
     if isinstance(node, yaml.MappingNode):
+        if not all(isinstance(key, yaml.ScalarNode) for key, _ in node.value):
+            raise ValueError('a name is a text')
         return {key.value: _content(value) for key, value in node.value}
     if isinstance(node, yaml.SequenceNode):
         return [_content(item) for item in node.value]

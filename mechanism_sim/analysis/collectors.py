@@ -257,22 +257,14 @@ class VibrationCollector:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Samples of one sensor, in runs of samples without a gap.
-
-    Attributes
-    ----------
-    quantity : measured quantity, one of `QUANTITIES`
-    rate : [Hz]
-    starts : time of the first sample of each run [s]
-    runs : samples (N,) of each run
-    """
+    """Samples of one sensor, in runs of samples without a gap."""
 
     sensor: str
     link: str
-    quantity: str
-    rate: float
-    starts: tuple[float, ...]
-    runs: tuple[Array, ...]
+    quantity: str  #: measured quantity, one of `QUANTITIES`
+    rate: float  #: [Hz]
+    starts: tuple[float, ...]  #: time of the first sample of each run [s]
+    runs: tuple[Array, ...]  #: samples (N,) of each run
 
     @property
     def unit(self) -> str:

@@ -204,9 +204,9 @@ def find_details(
 
     def signal(name: str) -> _Samples:
         if name in channels:
-            return _Samples.of_channel(name, channels, begin)
+            return _samples_of(name, channels, begin)
         found = record.signal(name).since(begin)
-        return _Samples.of(name, found.runs, found.rate, found.unit)
+        return _Samples(name, found.runs, found.rate, found.unit)
 
     return Details(
         record.machine.plan.main,
@@ -243,7 +243,7 @@ def channel_details(channels: Mapping[str, ChannelSamples], wanted: Wanted) -> D
             f'--{asked} needs a run: a file of signals has --spectrum, --envelope and --plots'
         )
 
-    of = _Samples.of_channel
+    of = _samples_of
     return Details(
         '', None, {name: _spectrum(of(name, channels)) for name in wanted.spectra},
         envelopes={name: _envelope(of(name, channels), wanted.band) for name in wanted.envelopes},
@@ -252,44 +252,40 @@ def channel_details(channels: Mapping[str, ChannelSamples], wanted: Wanted) -> D
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Samples of one signal without a gap in each of the runs, at a rate [Hz]."""
+    """Samples of one signal, without a gap in each of the runs; refused where too few."""
 
     name: str
     runs: Sequence[Array]
-    rate: float
+    rate: float  #: [Hz]
     unit: str
 
-    @classmethod
-    def of(cls, name: str, runs: Sequence[Array], rate: float, unit: str) -> _Samples:
-        """Samples of a signal, which suffice for a spectrum; InputError if they are too few."""
-        found = cls(name, runs, rate, unit)
-        if len(found.longest) < _FEWEST:
+    def __post_init__(self) -> None:
+        if len(self.longest) < _FEWEST:
             raise InputError(
-                f'the longest run of samples of {name} has {len(found.longest)} of them: a '
+                f'the longest run of samples of {self.name} has {len(self.longest)} of them: a '
                 f'spectrum needs at least {_FEWEST}'
             )
-        return found
-
-    @classmethod
-    def of_channel(
-        cls, name: str, channels: Mapping[str, ChannelSamples], start: float = -np.inf
-    ) -> _Samples:
-        """Samples of an evenly sampled channel from a time [s] on."""
-        check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
-        channel = channels[name].since(start)
-        if channel.rate is None:
-            gaps = np.diff(channel.times)
-            raise InputError(
-                f"channel '{name}' is sampled unevenly, every {gaps.min():.3g} s to "
-                f'{gaps.max():.3g} s: it has no spectrum: take its values at even instants first, '
-                'as by numpy.interp'
-            )
-        return cls.of(name, channel.runs, channel.rate, channel.unit)
 
     @property
     def longest(self) -> Array:
         """The run with the most samples."""
         return max(self.runs, key=len)
+
+
+def _samples_of(
+    name: str, channels: Mapping[str, ChannelSamples], start: float = -math.inf
+) -> _Samples:
+    """Samples of an evenly sampled channel from a time [s] on."""
+    check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
+    channel = channels[name].since(start)
+    if channel.rate is None:
+        gaps = np.diff(channel.times)
+        raise InputError(
+            f"channel '{name}' is sampled unevenly, every {gaps.min():.3g} s to "
+            f'{gaps.max():.3g} s: it has no spectrum: take its values at even instants first, '
+            'as by numpy.interp'
+        )
+    return _Samples(name, channel.runs, channel.rate, channel.unit)
 
 
 def _spectrum(signal: _Samples) -> SignalSpectrum:

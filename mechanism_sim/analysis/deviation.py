@@ -30,14 +30,10 @@ _SEGMENT = 4  # turns under the window, if there are as many
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """A quantity of a run, beside that of the ideal mechanism under the same drive.
-
-    Attributes
-    ----------
-    own, ideal : (K, n) values over the angle of the drive
-    """
+    """A quantity of a run, beside that of the ideal mechanism under the same drive."""
 
     quantity: str
+    #: (K, n) values over the angle of the drive
     own: TurnSegments
     ideal: TurnSegments
 
@@ -77,20 +73,12 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Alpha:
-    """Ratio of two deviations from the ideal machine.
+    """Ratio of two deviations from the ideal machine."""
 
-    Attributes
-    ----------
-    rms : ratio of the roots of the mean squares
-    spectrum : ratio of the mean amplitudes of all orders
-    order : (F,) 1, 2, ...
-    by_order : (F,) ratio of amplitudes in each
-    """
-
-    rms: float
-    spectrum: float
-    order: NDArray[np.int64]
-    by_order: Array
+    rms: float  #: ratio of the roots of the mean squares
+    spectrum: float  #: ratio of the mean amplitudes of all orders
+    order: NDArray[np.int64]  #: (F,) 1, 2, ...
+    by_order: Array  #: (F,) ratio of amplitudes in each
 
 
 def ideal_machine(machine: Machine) -> Machine:

@@ -30,8 +30,7 @@ from mechanism_sim.signal_files import (
 )
 from mechanism_sim.units import counted
 
-_ROTATIONS = 'rad', 'rad/s'
-"""Units that files have otherwise as often, in deg and rpm."""
+_ROTATIONS = 'rad', 'rad/s'  # units that files have otherwise as often, in deg and rpm
 _EVEN = 0.01
 """Share of a sampling interval by which samples may be late in all to count as the sensor's."""
 _FAR, _LONG = 1000.0, 10.0

@@ -14,15 +14,10 @@ from mechanism_sim.scene import Machine
 
 @dataclass(frozen=True, eq=False)
 class Preview(Stage):
-    """A machine in its first cycle, by which sizes are chosen.
+    """A machine in its first cycle, by which sizes are chosen."""
 
-    Attributes
-    ----------
-    found : first cycle
-    largest : largest joint reaction [N]; 0 where forces are not known
-    """
-
-    found: Cycle = field(kw_only=True)
+    found: Cycle = field(kw_only=True)  #: first cycle
+    #: largest joint reaction [N]; 0 where forces are not known
     largest: float = field(kw_only=True)
 
     @property

@@ -84,14 +84,10 @@ class Revolutions(Rich):
     """A run, and the angle of its main drive over time.
 
     Turns are counted from angle zero on, in the direction in which the drive ends up.
-
-    Attributes
-    ----------
-    piece : its motion and events
     """
 
     machine: Machine
-    piece: Piece
+    piece: Piece  #: its motion and events
 
     @property
     def start(self) -> float:
@@ -493,13 +489,9 @@ def _with_work(machine: Machine, motion: Motion, impacts: Impacts) -> Impacts:
 
 @dataclass(frozen=True)
 class RecordedPiece:
-    """A message of the motion, and the events that were published since the one before.
+    """A message of the motion, and the events that were published since the one before."""
 
-    Attributes
-    ----------
-    coordinates, joints : names of the columns of the motion; empty where it is not recorded
-    """
-
+    #: names of the columns of the motion; empty where it is not recorded
     coordinates: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     motion: Motion = NOTHING
@@ -513,6 +505,8 @@ def pieces(
     others: Mapping[str, Callable[[Any], object]] | None = None,
 ) -> Iterator[RecordedPiece]:
     """The pieces of a run, in one pass over its bag; at the end, events without a motion.
+
+    Of several runs in a bag it is the first, that of the scene that is read.
 
     Parameters
     ----------
@@ -539,7 +533,14 @@ def pieces(
             begins = message.run, math.inf, 0.0
             if curve := motion.curve if len(motion) else None:  # far off a start needs both
                 begins = message.run, float(curve.start[0]), float(curve.start_low[0])
-            if begins <= last and begins[0] == last[0]:  # sent from outside the run
+            if message.run > last[0] >= 0:  # one recorder of several runs, as that of ros2 bag
+                warnings.warn(
+                    f'{bag.path}: the machine was reset: what follows the first run is left out',
+                    RunWarning,
+                    stacklevel=2,
+                )
+                break
+            if begins <= last:  # sent from outside the run
                 warnings.warn(
                     f'{bag.path}: a message of the motion that begins at {instant(begins[1])} s, '
                     f'after one that begins at {instant(last[1])} s, is left out',

@@ -35,33 +35,26 @@ class Rose:
 
     The place that is struck lies, on the bushing as on the pin, in the direction from the
     bushing's centre to the pin's; the impulse pushes the bushing that way and the pin back.
-
-    Attributes
-    ----------
-    pin, bushing : names of the links with pin and bushing
-    time : (N,) times [s]
-    crank_angle : angle of the main drive [rad] in [0, 2 pi)
-    turn : whole turns of the drive before the impact; angle zero begins a turn. 0 of a drive that
-        slides, whose angle is not a number
-    normal_impulse, tangential_impulse : [N s]
-    approach_speed : [m/s]
-    on_pin, on_bushing : direction of the impact position, in the frame of the pin's and of the
-        bushing's link [rad] in (-pi, pi]
-    in_world : direction of the contact point in the world
     """
 
     joint: str
+    #: names of the links with pin and bushing
     pin: str
     bushing: str
-    time: Array
-    crank_angle: Array
+    time: Array  #: (N,) times [s]
+    crank_angle: Array  #: angle of the main drive [rad] in [0, 2 pi)
+    #: whole turns of the drive before the impact; angle zero begins a turn. 0 of a drive that
+    #: slides, whose angle is not a number
     turn: NDArray[np.int64]
+    #: [N s]
     normal_impulse: Array
     tangential_impulse: Array
-    approach_speed: Array
+    approach_speed: Array  #: [m/s]
+    #: direction of the impact position, in the frame of the pin's and of the bushing's link [rad]
+    #: in (-pi, pi]
     on_pin: Array
     on_bushing: Array
-    in_world: Array
+    in_world: Array  #: direction of the contact point in the world
 
     def __len__(self) -> int:
         return len(self.time)
@@ -127,23 +120,18 @@ def _wrapped(angle: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ImpactCycles:
-    """Impacts of a joint in each of K whole turns of the drive.
+    """Impacts of a joint in each of K whole turns of the drive."""
 
-    Attributes
-    ----------
-    first : number of the first turn
-    count, impulse : (K,) impacts and sum of their normal impulses [N s]
-    dominant : (K, 3) indices into the rose of the largest impacts of each turn, the largest first;
-        -1 where there are fewer
-    means : by name (``count``, ``impulse``, ``I_n``): the mean over turns, for I_n the sum of
-        impulses over the number of impacts; half the width of its 95 % confidence interval; and
-        the standard deviation from turn to turn. nan where there are too few
-    """
-
-    first: int
+    first: int  #: number of the first turn
+    #: (K,) impacts and sum of their normal impulses [N s]
     count: NDArray[np.int64]
     impulse: Array
+    #: (K, 3) indices into the rose of the largest impacts of each turn, the largest first; -1
+    #: where there are fewer
     dominant: NDArray[np.intp]
+    #: by name (``count``, ``impulse``, ``I_n``): the mean over turns, for I_n the sum of impulses
+    #: over the number of impacts; half the width of its 95 % confidence interval; and the standard
+    #: deviation from turn to turn. nan where there are too few
     means: dict[str, tuple[float, float, float]]
 
     @property
@@ -187,23 +175,15 @@ class WearMap:
     """Sums over a run by direction in the frame of a link, at the middles of n sectors.
 
     What lies between two middles counts at both, by how near they are.
-
-    Attributes
-    ----------
-    link : link of the frame
-    edges : (n + 1,) limits of the sectors [rad], from -pi to pi
-    impulse : (n,) normal impulses of impacts [N s]
-    load : (n,) integral of the normal force over time in following [N s]
-    load_way : (n,) integral of normal force times slip speed: Archard's measure of wear [N m]
-    work : (n,) integral of friction force times slip speed: heat [J]
     """
 
-    link: str
-    edges: Array
-    impulse: Array
-    load: Array
+    link: str  #: link of the frame
+    edges: Array  #: (n + 1,) limits of the sectors [rad], from -pi to pi
+    impulse: Array  #: (n,) normal impulses of impacts [N s]
+    load: Array  #: (n,) integral of the normal force over time in following [N s]
+    #: (n,) integral of normal force times slip speed: Archard's measure of wear [N m]
     load_way: Array
-    work: Array
+    work: Array  #: (n,) integral of friction force times slip speed: heat [J]
 
     @property
     def middles(self) -> Array:

@@ -62,28 +62,19 @@ _PER_TURN, _FEWEST, _MOST = 360.0, 2000, 40_000  # instants
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A quantity over time.
+    """A quantity over time."""
 
-    Attributes
-    ----------
-    name : requested name, with the part of it
-    unit : SI unit; empty for a number, two with an ``or`` if undetermined
-    t, values : (N,) [s], and in the unit
-    events : True if values hold at their instants only
-    ideal : True for the same machine with ideal joints
-    words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
-    run : name of its run, if there are several
-    """
-
-    name: str
-    unit: str
+    name: str  #: requested name, with the part of it
+    unit: str  #: SI unit; empty for a number, two with an ``or`` if undetermined
+    #: (N,) [s], and in the unit
     t: Array
     values: Array
-    events: bool = False
-    ideal: bool = False
+    events: bool = False  #: True if values hold at their instants only
+    ideal: bool = False  #: True for the same machine with ideal joints
+    #: title of the quantity, and the coordinate, joint or link that it is of, where known
     words: str = ''
     of: str = ''
-    run: str = ''
+    run: str = ''  #: name of its run, if there are several
 
     @classmethod
     def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
@@ -390,14 +381,9 @@ class Filter:
 
 @dataclass(frozen=True)
 class MessagePath:
-    """Path to numbers in the messages of a topic.
+    """Path to numbers in the messages of a topic."""
 
-    Attributes
-    ----------
-    text : text as written
-    """
-
-    text: str
+    text: str  #: text as written
     topic: str
     steps: tuple[Field | Items | Filter, ...]
 

@@ -350,7 +350,7 @@ class LoadSummary:
     """The largest force in each joint and the largest torque of each drive, between impacts.
 
     Forces of bearings of shafts are by ``SHAFT.BEARING``; those along an axis, which have a sign,
-    end in ``.axial``.
+    end in ``.axial``, moments of tilting bearings in ``.moment``.
     """
 
     samples: int | None  #: number of published instants, without a motion; else None
@@ -364,6 +364,16 @@ class LoadSummary:
     def peaks(self) -> tuple[LoadPeak, ...]:
         """All peaks, in the order of tables."""
         return *self.joints, self.drive_torque, *self.other_drives, *self.moments
+
+
+_LOADS = {'axial_force': '.axial', 'bearing_moment': '.moment'}
+"""Loads of a joint beside its force in the plane: endings of their names."""
+
+
+def load_name(quantity: str) -> tuple[str, str]:
+    """Kind of a load, and its name in summaries, of a quantity of the catalogue."""
+    kind, _, of = quantity.removesuffix('.size').partition('.')
+    return kind, of + _LOADS.get(kind, '')
 
 
 def load_summary(
@@ -383,8 +393,7 @@ def load_summary(
     """
     found: dict[str, list[LoadPeak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
     for name, (value, time) in peaks.items():
-        kind, _, of = name.removesuffix('.size').partition('.')
-        of += '.axial' if kind == 'axial_force' else ''
+        kind, of = load_name(name)
         turns = kind == 'bearing_moment' or (kind == 'drive_torque' and of not in sliding)
         peak = LoadPeak(of, value, time, crank_angle(time), unit='N m' if turns else 'N')
         if shape := shapes.get(name):
@@ -587,8 +596,11 @@ def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSum
 
 def _planned(bag: Bag, topics: tuple[str, ...]) -> tuple[str | None, float | None]:
     """The driven coordinate, and the end [s] of its last law if that is final."""
-    driven, end = None, None
+    driven, end, run = None, None, None
     for _, law, _ in bag.messages(topics) if topics else ():
+        run = law.run if run is None else run
+        if law.run > run:
+            break
         driven = driven or str(law.coordinate)
         end = float(law.valid_until) if law.final and math.isfinite(law.valid_until) else None
     return driven, end

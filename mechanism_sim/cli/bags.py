@@ -86,8 +86,7 @@ _DETAILS = (
 )  # fmt: skip
 
 
-_MOST = 1e9
-"""Seconds of a delay, and recorded seconds per second, at most."""
+_MOST = 1e9  # seconds of a delay, and recorded seconds per second, at most
 
 
 def _play(options: argparse.Namespace) -> int:

@@ -9,9 +9,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.derivatives.collocation import COUNT, Steps, powers, rule, solve
 from mechanism_sim.derivatives.influences import (
     NUMBERS,
@@ -193,7 +192,7 @@ class Flows:
                 found[:, j] = found[:, j] * since + math.comb(i, j) * numbers[:, i]
         return found
 
-    def parameters(self, motion: Motion, at: Points, segments: NDArray[np.intp]) -> Array:
+    def parameters(self, motion: Motion, at: Points, segments: IndexArray) -> Array:
         """Derivatives (N, c, P) of the chosen parameters in segments, one point of each."""
         index, influence, chosen = self.system.parameters, self.influence, self.equations.chosen
         found = np.repeat(influence.parameters[chosen][None], len(segments), axis=0)
@@ -240,17 +239,17 @@ class _Events(NamedTuple):
 class _Blows(NamedTuple):
     """E single impacts in a chunk: maps of any state before, with its approaches, and keys."""
 
-    segment: NDArray[np.intp]  #: (E,) indices of the segments of the chunk that they end
-    impact: NDArray[np.intp]  #: (E,) numbers of the impacts
+    segment: IndexArray  #: (E,) indices of the segments of the chunk that they end
+    impact: IndexArray  #: (E,) numbers of the impacts
     shift: Array  #: (E, 2f + s + a + P) derivatives of their instants
     every: Array  #: (E, 2f + s + len(NUMBERS), 2f + s + a + 1 + P) of state, log; shift between
 
 
-def _moves(rows: Array) -> NDArray[np.bool_]:
+def _moves(rows: Array) -> Mask:
     return np.asarray(np.abs(rows).max(axis=1, initial=0.0) > 0.0)
 
 
-def _law_at(table: LawTable, t: Array) -> NDArray[np.intp]:
+def _law_at(table: LawTable, t: Array) -> IndexArray:
     """Indices of the consecutive laws in force at times (N,); at a boundary the later law."""
     slack = 4.0 * np.spacing(np.abs(t).max(initial=1e-300))
     found = np.searchsorted(table.start, t + slack, side='right') - 1
@@ -271,7 +270,7 @@ def _product(A: Array, x: Array) -> Array:
     return np.asarray(wide @ x).reshape(*A.shape[:-1], x.shape[-1])
 
 
-def _within(bounds: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+def _within(bounds: IndexArray) -> Iterator[IndexArray]:
     """Indices of the second elements of all groups between bounds, of the third, and so on."""
     for r in range(1, int(np.diff(bounds).max(initial=1))):
         yield bounds[:-1][np.diff(bounds) > r] + r
@@ -285,7 +284,7 @@ def _after(turns: Array, before: Array) -> Array:
     return found
 
 
-def _grouped(turns: Array, bounds: NDArray[np.intp]) -> Array:
+def _grouped(turns: Array, bounds: IndexArray) -> Array:
     """Maps across groups of segments, by those across each."""
     found = turns[bounds[:-1]]
     for k in _within(bounds):
@@ -338,7 +337,7 @@ class _Walk:
         found.pop(0, None)  # those of the start belong to it
         return found
 
-    def _following(self) -> NDArray[np.intp]:
+    def _following(self) -> IndexArray:
         """Index (m,) of the segment after each, skipping those too short for an event.
 
         After its release a load may appear in another row for a rounding of time.
@@ -449,7 +448,7 @@ class _Walk:
             self._coefficients[kept, i, : law.shape[1]] = law[:done]
         return alive
 
-    def _steps(self, which: NDArray[np.intp], at: Points, since: Array, h: Array) -> Steps:
+    def _steps(self, which: IndexArray, at: Points, since: Array, h: Array) -> Steps:
         """Variations in segments of the chunk, or parts of them.
 
         Parameters
@@ -487,7 +486,7 @@ class _Walk:
         found[:, range(w, W), range(w, W)] = 1.0
         return found
 
-    def _refine(self, turns: Array, k: NDArray[np.intp]) -> None:
+    def _refine(self, turns: Array, k: IndexArray) -> None:
         """Split segments beside ends of touches into parts as long as their distance.
 
         There the force is a broken power of a depth that is zero, which no polynomial follows.

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
 from mechanism_sim.derivatives.influences import NUMBERS, Influence
 from mechanism_sim.derivatives.joint_impulses import beside
@@ -65,7 +65,7 @@ class Side(NamedTuple):
     rates: Array
     a: Array
 
-    def some(self, which: Sequence[int] | NDArray[np.intp]) -> Side:
+    def some(self, which: Sequence[int] | IndexArray) -> Side:
         """Some of the events."""
         at = Points(*(x[:, which] for x in self.at))
         return Side(at, self.rates[:, which], self.a[:, which])
@@ -348,7 +348,7 @@ class Jumps:
 
     def blows(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact], width: int
-    ) -> tuple[NDArray[np.bool_], Saltation]:
+    ) -> tuple[Mask, Saltation]:
         """Saltation across E impacts of a single contact each, others staying open or closed.
 
         Nearly all impacts are such ones and are processed together. The C columns of their
@@ -613,7 +613,7 @@ class Jumps:
         self._asked[own] = asked
         return asked
 
-    def _closed(self, side: Side) -> NDArray[np.bool_]:
+    def _closed(self, side: Side) -> Mask:
         return np.asarray(side.at.parameters[self._system.parameters.closed, 0] > 0.0)
 
     def _touching(self, now: Side, struck: list[int]) -> list[int]:
@@ -624,9 +624,7 @@ class Jumps:
         part[struck] = True
         return [int(i) for i in np.flatnonzero(part)]
 
-    def _part(
-        self, now: Side, closed: NDArray[np.bool_], struck: NDArray[np.intp]
-    ) -> NDArray[np.bool_]:
+    def _part(self, now: Side, closed: Mask, struck: IndexArray) -> Mask:
         """Mask (m, E) of the gaps in E events: in impact (E,), closed, or at zero."""
         part = closed.copy()
         if len(part) > 1:
@@ -686,7 +684,7 @@ class Jumps:
         return x, dx
 
 
-def _meets(now: Side, before: Side, after: Side) -> NDArray[np.bool_]:
+def _meets(now: Side, before: Side, after: Side) -> Mask:
     """Mask (E,) of the events whose computed velocities agree with those of the run after them."""
     speed = np.abs(np.concatenate([before.at.v, after.at.v])).max(axis=0)
     return np.asarray(np.abs(now.at.v - after.at.v).max(axis=0) <= _ALIKE * speed)

@@ -13,15 +13,14 @@ from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.derivatives.numeric_keys import WEIGHTS
 from mechanism_sim.engine.dense_output import Motion, instants
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.polynomials import Times
 from mechanism_sim.numerics.symbolic import Term, add, dot, mul
 from mechanism_sim.planar.switches import Switch
 
@@ -99,7 +98,7 @@ class LinearEquations:
     # --- points -------------------------------------------------------------------------------
 
     def points(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, damped: bool = True
+        self, motion: Motion, segments: IndexArray, dt: Times, damped: bool = True
     ) -> Points:
         """The machine at instants of a motion, as `DynamicPhysics.inputs` takes them.
 

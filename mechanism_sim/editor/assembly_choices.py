@@ -13,8 +13,7 @@ from mechanism_sim.editor.sketch import GONE, Edit, Poses
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine
 
-_FAR = 0.2
-"""[rad], or sizes of the machine: more is another way to close the loops."""
+_FAR = 0.2  # [rad], or sizes of the machine: more is another way to close the loops
 
 
 def choices(document: Document, edits: list[Edit], picture: DocumentPicture) -> list[Edit]:

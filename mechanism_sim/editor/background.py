@@ -20,25 +20,18 @@ from mechanism_sim.packages import reason
 PATIENCE = 2.0
 """[s] for a run to notice that it is not wanted any more; then its process is ended."""
 
-_UNTIL = 2.0
-"""[s] of a run whose length neither the scene says nor the speed of its drive."""
+_UNTIL = 2.0  # [s] of a run whose length neither the scene says nor the speed of its drive
 
 _OFTEN = 0.2  # [s] between reports of progress
 
 
 class Job(NamedTuple):
-    """A document to be checked and run.
+    """A document to be checked and run."""
 
-    Attributes
-    ----------
-    number : number of the document's state
-    content : keys and values of the scene
-    worn : keys and values with a worn bearing, and its joint and clearance; or None
-    """
-
-    number: int
+    number: int  #: number of the document's state
     name: str
-    content: dict[str, Any]
+    content: dict[str, Any]  #: keys and values of the scene
+    #: keys and values with a worn bearing, and its joint and clearance; or None
     worn: tuple[dict[str, Any], dict[str, Any]] | None = None
 
 

@@ -14,16 +14,12 @@ from mechanism_sim.scene.schema import Scene
 
 
 class BesideDocument:
-    """State beside a document: poses of unconstrained links, colours, the charted quantity.
-
-    Attributes
-    ----------
-    pin : ``joint`` and ``radial`` clearance [m] of the pin with wear in a second run, if any
-    lain : poses of links by text of the document, those of the undo history included
-    """
+    """State beside a document: poses of unconstrained links, colours, the charted quantity."""
 
     def __init__(self) -> None:
+        #: ``joint`` and ``radial`` clearance [m] of the pin with wear in a second run, if any
         self.pin: dict[str, Any] = {}
+        #: poses of links by text of the document, those of the undo history included
         self.lain: dict[str, Poses] = {}
         self._quantity = ''
         self._colours: dict[str, int] = {}

@@ -14,8 +14,7 @@ _BUDGET = 0.012
 
 _SOME = 4
 
-_LENGTH = 0.3
-"""Length of the arrow of the largest force, as share of the machine's size."""
+_LENGTH = 0.3  # length of the arrow of the largest force, as share of the machine's size
 
 
 class ForceArrows:

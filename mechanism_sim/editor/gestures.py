@@ -24,8 +24,7 @@ from mechanism_sim.editor.tools import REFITS
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.schema import Scene
 
-_ON_AXIS = 0.02
-"""Share of the frame's length: a joint so near its axis stays on it."""
+_ON_AXIS = 0.02  # share of the frame's length: a joint so near its axis stays on it
 
 
 class Moved(NamedTuple):

@@ -28,8 +28,7 @@ from mechanism_sim.sensing.joint_view import JointView
 INSTANTS = 73
 """Number of instants of a turn, or of a run, both ends included."""
 
-_STEPS = 12
-"""Towards a place, of a machine that is pulled."""
+_STEPS = 12  # towards a place, of a machine that is pulled
 
 UNSOLVED = InputError, RunError, ArithmeticError, np.linalg.LinAlgError
 """Errors where a machine cannot be assembled, or has no forces."""
@@ -63,11 +62,6 @@ class Turn:
     near : initial guess of the poses; without it, the machine is assembled from its scene
     before : motion of a slightly different machine, as initial guess
     loops : loop closures of the machine, if already made
-
-    Attributes
-    ----------
-    mechanism : spanning tree of the coordinates
-    q : (n, N) coordinates, first column at the start; fewer columns if the motion is blocked
     """
 
     def __init__(
@@ -79,13 +73,14 @@ class Turn:
     ) -> None:
         self.machine = machine
         loops = loops or machine.plan.kinematics(())
-        self.mechanism = loops.mechanism
+        self.mechanism = loops.mechanism  #: spanning tree of the coordinates
         self._held = self._ways()
         self._kinematics = loops.holding([*self._held])
         if near is None:
             first = machine.assembly.q.copy()
         else:
             first = self._closed(coordinates(self.mechanism, near))
+        #: (n, N) coordinates, first column at the start; fewer columns if the motion is blocked
         self.q = self._followed(first, before)
 
     @cached_property

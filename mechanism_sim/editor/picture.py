@@ -20,24 +20,16 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 
-_Traced = Mapping[str, bool]
-"""Points whose paths somebody wants drawn, or not."""
+_Traced = Mapping[str, bool]  # points whose paths somebody wants drawn, or not
 
 
 class DocumentPicture(NamedTuple):
-    """Picture of a document.
-
-    Attributes
-    ----------
-    turn : motion of the machine; None if it cannot be assembled
-    poses : poses of all links
-    problem : reason why it cannot be assembled; else empty
-    """
+    """Picture of a document."""
 
     scene: Scene
-    turn: Turn | None
-    poses: Poses
-    problem: str
+    turn: Turn | None  #: motion of the machine; None if it cannot be assembled
+    poses: Poses  #: poses of all links
+    problem: str  #: reason why it cannot be assembled; else empty
 
     @property
     def handles(self) -> list[Handle]:

@@ -44,8 +44,7 @@ FARTHEST = 1e4
 
 _SAID = 1000  # longest sentence [characters]; names may be long
 
-_MOST_PARTS = 160
-"""Links and joints of what is drawn: more takes minutes to compile."""
+_MOST_PARTS = 160  # links and joints of what is drawn: more takes minutes to compile
 
 
 class Session:

@@ -83,20 +83,12 @@ def drives_of(scene: Scene) -> dict[str, tuple[tuple[str, ...], DrivePart]]:
 
 @dataclass(frozen=True)
 class Handle:
-    """Handle for dragging: a joint, or a point without one.
+    """Handle for dragging: a joint, or a point without one."""
 
-    Attributes
-    ----------
-    key : name of the joint, or LINK.POINT
-    members : connected links, each with the name of its point
-    at : position in the world [m]
-    joint : True for a joint, False for a free point
-    """
-
-    key: str
-    members: tuple[tuple[str, str], ...]
-    at: Vector2
-    joint: bool
+    key: str  #: name of the joint, or LINK.POINT
+    members: tuple[tuple[str, str], ...]  #: connected links, each with the name of its point
+    at: Vector2  #: position in the world [m]
+    joint: bool  #: True for a joint, False for a free point
 
     @property
     def path(self) -> list[str]:

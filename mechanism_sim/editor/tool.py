@@ -21,23 +21,14 @@ _Refit = Callable[[Sketch, str, Any], list[Edit]]
 
 @dataclass(frozen=True)
 class Tool:
-    """Tool that draws a part.
+    """Tool that draws a part."""
 
-    Attributes
-    ----------
-    name : name in the palette
-    key : shortcut, as ``B`` or ``Shift+B``
-    icon : path data of an SVG of 16 by 16
-    hint : instruction for the user
-    draw : function that makes the edits of the part
-    gesture : ``band`` between two positions, ``click``, or ``now`` for none
-    """
-
-    name: str
-    key: str
-    icon: str
-    hint: str
-    draw: Draw
+    name: str  #: name in the palette
+    key: str  #: shortcut, as ``B`` or ``Shift+B``
+    icon: str  #: path data of an SVG of 16 by 16
+    hint: str  #: instruction for the user
+    draw: Draw  #: function that makes the edits of the part
+    #: ``band`` between two positions, ``click``, or ``now`` for none
     gesture: Literal['band', 'click', 'now'] = 'click'
 
     def to_json(self) -> dict[str, str]:
@@ -52,8 +43,28 @@ REFITS: dict[str, _Refit] = {}
 """Functions that fit joints to links that were moved, of those kinds that must fit."""
 
 
-def register(kind: str, *tools: Tool, refit: _Refit | None = None) -> None:
-    """Register the tools of a kind."""
-    TOOLS[kind] = tools
-    if refit:
+def draws(
+    kind: str,
+    name: str,
+    key: str,
+    icon: str,
+    hint: str,
+    gesture: Literal['band', 'click', 'now'] = 'click',
+) -> Callable[[Draw], Draw]:
+    """Decorator of the function of a tool, which follows those of this kind in the palette."""
+
+    def enter(draw: Draw) -> Draw:
+        TOOLS[kind] = (*TOOLS.get(kind, ()), Tool(name, key, icon, hint, draw, gesture))
+        return draw
+
+    return enter
+
+
+def refits(kind: str) -> Callable[[_Refit], _Refit]:
+    """Decorator of the function that fits joints of a kind to links that were moved."""
+
+    def enter(refit: _Refit) -> _Refit:
         REFITS[kind] = refit
+        return refit
+
+    return enter

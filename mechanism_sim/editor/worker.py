@@ -23,8 +23,7 @@ PATIENCE = 15.0
 
 _BUSY = 4.0  # [s] of a busy machine, for a second of CPU time
 
-_OUTDATED = 1.0
-"""[s] after which a picture is given up for one of a newer document."""
+_OUTDATED = 1.0  # [s] after which a picture is given up for one of a newer document
 
 RETRY = 2.0
 """[s] until a process that could not be started is tried again."""

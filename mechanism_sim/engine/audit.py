@@ -13,14 +13,13 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.engine.dense_output import Motion, instants
 from mechanism_sim.engine.events import Impact, Impacts, Mode, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.errors import RunError
-from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.polynomials import Nodes, Times
 from mechanism_sim.numerics.quadrature import (
     SECOND,
     SMOOTH,
@@ -194,10 +193,6 @@ class Audit:
 
         Or if a hundredth of the energy that was exchanged is missing in the balance: then steps
         were too long for what happened in them.
-
-        Raises
-        ------
-        RunError
         """
         if self.max_penetration > tolerance:
             raise RunError(
@@ -218,9 +213,7 @@ class Audit:
                 'free length or damping whose ends do not meet'
             )
 
-    def _look(
-        self, motion: Motion, account: Account, segments: NDArray[np.intp], places: Nodes
-    ) -> None:
+    def _look(self, motion: Motion, account: Account, segments: IndexArray, places: Nodes) -> None:
         """Enter what must be zero, what must press, and how energies vary at some nodes."""
         self.max_closure_error = max(self.max_closure_error, account.closure_error)
         if not self._physics.has_forces:
@@ -237,7 +230,7 @@ class Audit:
             self._size[k] = max(self._size[k], -ends[0], ends[1])
 
     def _look_at_forces(
-        self, motion: Motion, force: Array, segments: NDArray[np.intp], places: Nodes
+        self, motion: Motion, force: Array, segments: IndexArray, places: Nodes
     ) -> None:
         """Enter the smallest and the largest force (m, N) [N] of gaps that are closed."""
         duration = motion.curve.duration[segments]
@@ -329,7 +322,7 @@ def _gain(impacts: Impacts) -> float:
     return float(sum((impacts.column('drive_work') - impacts.sudden_loss).tolist()))
 
 
-def recovers(motion: Motion, segments: NDArray[np.intp]) -> NDArray[np.bool_]:
+def recovers(motion: Motion, segments: IndexArray) -> Mask:
     """Mask of segments in which a contact without force recovers: losses are powers of depth."""
     return np.asarray((motion.modes[segments] == Mode.RECOVERING).any(axis=1))
 
@@ -340,7 +333,7 @@ def work_in(
     parts: Parts,
     largest: Array | None = None,
     in_order: bool = True,
-    look: Callable[[Account, NDArray[np.intp], Nodes], None] | None = None,
+    look: Callable[[Account, IndexArray, Nodes], None] | None = None,
 ) -> tuple[Work, Array]:
     """Works (m,) in parts of a motion, and the largest powers (3,) so far [W].
 
@@ -353,7 +346,7 @@ def work_in(
     look : function called with every account at the nodes of whole segments
     """
 
-    def powers(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def powers(k: IndexArray, dt: Times) -> Array:
         found = physics.account(motion, k, dt)
         if look and isinstance(dt, Nodes) and dt is not SECOND.places:  # looked at already
             look(found, k, dt)

@@ -52,14 +52,6 @@ class Base:
         n, d = self.time.as_integer_ratio()
         return (a * d - n * b) / (b * d)  # as fractions round it, but without reducing them
 
-    def next_after(self, rate: float = 0.0) -> float:
-        """Local time [s] after which a new base is due: one turn of the fastest drive.
-
-        Without a drive, one turn at the present `rate` [rad/s].
-        """
-        fastest = max((abs(c[1]) for c in self.laws if len(c) > 1), default=rate)
-        return min(float(TWO_PI) / fastest, 1.0) if fastest else 1.0
-
 
 def base_at(time: Fraction, laws: Sequence[Law], turns: Mapping[str, int]) -> Base:
     """The base at `time`; `turns` are those of the coordinates that no law prescribes."""

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebroots, chebval
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array, some
+from mechanism_sim.arrays import Array, IndexArray, some
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact, Mode
 from mechanism_sim.engine.observer import Observer
@@ -128,7 +127,7 @@ class Touches:
             peak_force=touch.peak,
         )
 
-    def _shares(self, gap: int, motion: Motion, segments: NDArray[np.intp]) -> Array:
+    def _shares(self, gap: int, motion: Motion, segments: IndexArray) -> Array:
         """Impulses [N s], loss [J] and largest force [N] in segments: (4, N)."""
         durations = motion.curve.duration[segments]
         places = np.outer(durations, _NODES).ravel()

@@ -8,9 +8,8 @@ from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.contact.chatter import ChatterRule
 from mechanism_sim.engine.contact.impact import Hypothesis
@@ -18,7 +17,6 @@ from mechanism_sim.engine.contact.problem import (
     ContactArrays,
     ContactProblem,
     Limits,
-    Mask,
     problem_of,
     slip_of,
 )
@@ -27,7 +25,6 @@ from mechanism_sim.engine.event_stages import EventStages
 from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.engine.guards import force_scale
 from mechanism_sim.engine.present_state import PresentState, rate_of
-from mechanism_sim.engine.system import System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -125,7 +122,12 @@ class ContactState:
         smooth = not (frictional or any(system.rated) or system.dynamics.frictional_joints)
         run.counters[respond.SMOOTH] = smooth
         run.counters[respond.RELATIONS] = bool(system.relations)
-        run.gaps[respond.CLOSED : respond.PRESS + 1] = _flag_index(system)
+        # parameters of each gap's flags; -1 where it has none
+        index = system.parameters
+        run.gaps[respond.CLOSED] = index.closed
+        run.gaps[respond.CLOSED + 1, frictional] = index.sticks
+        run.gaps[respond.CLOSED + 2, frictional] = index.slips
+        run.gaps[respond.PRESS, : len(index.presses)] = index.presses
         run.gaps[respond.HYPOTHESIS] = [Hypothesis(gap.hypothesis).code for gap in gaps]
         run.gaps[respond.GIVEN], run.gaps[respond.RATED] = 0, system.rated
         run.gaps[respond.FRICTIONAL, : len(frictional)] = frictional
@@ -272,13 +274,3 @@ def _limits(present: PresentState, rule: ChatterRule, rtol: float, speed: float)
         rule.allowed,
         rule.resolved,
     )
-
-
-def _flag_index(system: System) -> NDArray[np.int64]:
-    """Parameters (4, m) of every gap: closed, sticks, slips, presses; -1 where it has none."""
-    found = np.full((4, len(system.gaps)), -1)
-    found[0] = system.parameters.closed
-    found[1, system.dynamics.contacts.frictional] = system.parameters.sticks
-    found[2, system.dynamics.contacts.frictional] = system.parameters.slips
-    found[3, : len(system.parameters.presses)] = system.parameters.presses
-    return found

@@ -37,7 +37,6 @@ from mechanism_sim.engine.contacts_with_joint_friction import (
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.frictional_shocks import stop_jammed_slide, unjam
 from mechanism_sim.engine.guards import Guard
-from mechanism_sim.engine.holding_impulse import ImpulseWork
 from mechanism_sim.engine.switching import Switching, jammed_joints
 from mechanism_sim.errors import RunError
 from mechanism_sim.tolerances import TOLERANCES
@@ -186,11 +185,8 @@ class Contacts:
                 state.record_modes(before)
             else:
                 state.set_modes(before)
-        self._book(self.switching.release())
-
-    def _book(self, stopped: ImpulseWork) -> None:
-        """Add the work of an impulse that follows an impact to the impact's row in the log."""
-        log = self.state.impacts
+        # the work of an impulse that follows an impact belongs to that impact
+        stopped, log = self.switching.release(), self.state.impacts
         if log.count and log.rows[log.count - 1, T] == self.present.time:
             log.rows[log.count - 1, [DRIVE, WORK, LOSS]] += stopped
 

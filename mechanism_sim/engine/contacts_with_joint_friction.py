@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from mechanism_sim.arrays import Mask
 from mechanism_sim.engine.contact.joint_friction import joint_friction_problem, loss, with_friction
 from mechanism_sim.engine.contact.problem import (
     FLIES,
@@ -21,7 +22,6 @@ from mechanism_sim.engine.contact.problem import (
     SLIDES_FORWARD,
     STICKS,
     TANGENTIAL,
-    Mask,
     Resting,
     impact_now,
     rest_now,

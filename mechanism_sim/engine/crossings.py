@@ -11,16 +11,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.planar.branch import SAMPLES, limits
 from mechanism_sim.tolerances import TOLERANCES
 
 _SINGULAR = TOLERANCES.singular
 
-Segments = NDArray[np.intp]
+Segments = IndexArray
 Distance = Callable[[Segments, Array], Array]
 """Measure of the closures' independence (K S,) at times (K, S) [s] in segments (K,)."""
 
@@ -70,7 +69,7 @@ class Crossings:
         self.segments, self.touch = np.array(kept, dtype=np.intp), np.array(touch)
         self._duration = curve.duration
 
-    def near(self, segments: Segments, dt: Array) -> NDArray[np.bool_]:
+    def near(self, segments: Segments, dt: Array) -> Mask:
         """Mask of the instants `dt` (N,) [s] so near a crossing that forces are inaccurate."""
         close = np.zeros(len(dt), dtype=bool)
         for segment, touch in zip(self.segments, self.touch, strict=True):

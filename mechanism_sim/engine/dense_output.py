@@ -11,12 +11,18 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array, GrowingRows
+from mechanism_sim.arrays import Array, GrowingRows, IndexArray, Mask
 from mechanism_sim.engine.clock import Base
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.system import System
 from mechanism_sim.memory import Reused
-from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial, exact_sum, shift_powers
+from mechanism_sim.numerics.polynomials import (
+    Nodes,
+    PiecewisePolynomial,
+    Times,
+    exact_sum,
+    shift_powers,
+)
 from mechanism_sim.planar.drive import TWO_PI
 
 _ALIKE, _TINY = 2.0**-30, 1e-300  # of the largest term of a coordinate, and least size of one
@@ -42,23 +48,23 @@ class Motion:
         return len(self.curve)
 
     @property
-    def closed(self) -> NDArray[np.bool_]:
+    def closed(self) -> Mask:
         """Mask of the gaps that carry force, (m, gaps)."""
         return self.modes > Mode.FREE_FLIGHT
 
-    def modes_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.uint8]:
+    def modes_at(self, segments: IndexArray, dt: Times) -> NDArray[np.uint8]:
         """Modes (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
         return _repeated(self.modes[segments], dt).T
 
-    def closed_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.bool_]:
+    def closed_at(self, segments: IndexArray, dt: Times) -> Mask:
         """Flags (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
         return self.modes_at(segments, dt) > Mode.FREE_FLIGHT
 
-    def approach_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def approach_at(self, segments: IndexArray, dt: Times) -> Array:
         """Speeds of initial contact (gaps, N) [m/s]."""
         return _repeated(self.approach[segments], dt).T
 
-    def torques_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def torques_at(self, segments: IndexArray, dt: Times) -> Array:
         """Coefficients of the torque laws (k, 3, N)."""
         return _repeated(self.torques[segments], dt).transpose(1, 2, 0)
 
@@ -83,7 +89,7 @@ class Motion:
         turns = np.pad(c.turns, ((0, 0), (0, states.shape[1])))
         return PiecewisePolynomial(c.start, c.start_low, c.duration, turns, powers)
 
-    def alike(self, segments: NDArray[np.intp]) -> NDArray[np.intp]:
+    def alike(self, segments: IndexArray) -> IndexArray:
         """Numbers (k,) of segments (k,), equal for equal motions but for whole turns.
 
         Their coefficients agree on a grid, which is coarser than rounding. Of very many different
@@ -93,7 +99,7 @@ class Motion:
         blocks = [segments[first : first + _KEYS] for first in range(0, len(segments), _KEYS)]
         degrees = np.arange(c.coefficients.shape[2])
 
-        def powers(k: NDArray[np.intp]) -> Array:
+        def powers(k: IndexArray) -> Array:
             return np.asarray(c.coefficients[k] * c.duration[k, None, None] ** degrees)
 
         sizes = np.full(c.turns.shape[1], _TINY)
@@ -184,13 +190,13 @@ class GrowingMotion:
         return Motion(PiecewisePolynomial(start, low, duration, turns, powers), *others)
 
 
-def _repeated(rows: NDArray[Any], dt: Array | Nodes) -> NDArray[Any]:
+def _repeated(rows: NDArray[Any], dt: Times) -> NDArray[Any]:
     """Rows of segments, repeated for each requested instant in them."""
     each = instants(dt)
     return rows if each == 1 else np.repeat(rows, each, axis=0)
 
 
-def instants(dt: Array | Nodes) -> int:
+def instants(dt: Times) -> int:
     """Number of instants requested in each segment."""
     return len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
 
@@ -371,7 +377,7 @@ class DenseOutput:
             states,
         )
 
-    def _torques(self, of: NDArray[np.intp]) -> Array:
+    def _torques(self, of: IndexArray) -> Array:
         """The torque laws of every step, for angles with all their turns."""
         laws = np.zeros((len(self._bases), len(self._system.powered), 3))
         for row, base in zip(laws, self._bases, strict=True):

@@ -163,8 +163,10 @@ class DriveLaws(LawSchedule):
             present.set(index, torque)
         for name, i in parameters.outside.items():
             present.pars[i] = base.high if name == 'time' else base.turns[name.rpartition('.')[0]]
-        rates = present.v[list(self._system.angular)]
-        self.next_base = base.next_after(float(np.abs(rates).max(initial=0.0)))
+        # a new base is due after a turn of the fastest drive, or at the present rates without one
+        now = float(np.abs(present.v[list(self._system.angular)]).max(initial=0.0))
+        fastest = max((abs(c[1]) for c in base.laws if len(c) > 1), default=now)
+        self.next_base = min(2.0 * math.pi / fastest, 1.0) if fastest else 1.0
 
     def turn(self, tau: float) -> None:
         """Set cosine and sine of the steady drives, which drift by a rounding in each step."""

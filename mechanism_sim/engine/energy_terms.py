@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.audit import Work, work_in
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact, Impacts
@@ -34,7 +33,7 @@ class EnergyTerms(NamedTuple):
 
 
 def energy_so_far(
-    physics: Physics, motion: Motion, balance: EnergyTerms, k: NDArray[np.intp], dt: Array
+    physics: Physics, motion: Motion, balance: EnergyTerms, k: IndexArray, dt: Array
 ) -> tuple[Array, Array]:
     """Work of the drives and losses (N,) [J] since the start of the run.
 
@@ -57,7 +56,7 @@ def energy_so_far(
     return work, lost
 
 
-def work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
+def work_since_start(physics: Physics, motion: Motion, k: IndexArray, dt: Array) -> Work:
     """Work and losses (N,) from the start of segments k to `dt` (N,) later, by quadrature.
 
     There is none before: where steps meet `dt` is what the time rounds, to either side.

@@ -21,7 +21,6 @@ from numpy.polynomial.polynomial import polyval
 from mechanism_sim.engine.clock import base_at
 from mechanism_sim.engine.compliant_contacts import OngoingTouch, Touches
 from mechanism_sim.engine.contact.chatter import ChatterRule
-from mechanism_sim.engine.contact.problem import ContactProblem
 from mechanism_sim.engine.contact_state import ContactState
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, Motion, floats
@@ -155,11 +154,6 @@ class EventLoop:
     def longest(self) -> float:
         """Longest step [s]."""
         return self._steps.longest
-
-    @property
-    def contact_terms(self) -> ContactProblem:
-        """The gaps at the present state."""
-        return self._gaps.terms()
 
     def change_law(self, law: Law) -> None:
         """Announce a law that replaces that of its coordinate from ``law.valid_from`` on.

@@ -8,9 +8,8 @@ from itertools import groupby
 from typing import Any, NamedTuple, Self, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.engine.contact.problem import (
     FLIES,
     FOLLOWS,
@@ -142,7 +141,7 @@ class Impacts(Sequence[Impact]):
         return cls(joints, rows)
 
     @property
-    def gaps(self) -> NDArray[np.intp]:
+    def gaps(self) -> IndexArray:
         """Index (n,) of the joint of each impact in `joints`."""
         return self.rows[:, _JOINT].astype(np.intp)
 
@@ -173,7 +172,7 @@ class Impacts(Sequence[Impact]):
         """Work of the drives and energy lost at the instants (n, 2) [J]."""
         return np.stack([self.column('drive_work'), self.sudden_loss], axis=1)
 
-    def where(self, chosen: NDArray[np.bool_]) -> Self:
+    def where(self, chosen: Mask) -> Self:
         """Impacts of a mask (n,)."""
         return type(self)(self.joints, self.rows[chosen])
 

@@ -38,15 +38,11 @@ class GapGeometry:
         return list(self._system.equations.frames.q.values())
 
     @cached_property
-    def _closure_distance(self) -> SwitchedFunction:
+    def closure_distance(self) -> SwitchedFunction:
+        """Measure (1, N) of the closures' independence by coordinates (n, N); 0 if singular."""
         return SwitchedFunction(
             self._system.equations.frames, [[self._system.dynamics.distance]], self._positions
         )
-
-    def closure_distance(self, q: Array) -> Array:
-        """Measure (N,) of the closures' independence at coordinates q (n, N); 0 if singular."""
-        found: Array = self._closure_distance(q)[0][0]
-        return found
 
     @cached_property
     def _rates(self) -> SwitchedFunction:

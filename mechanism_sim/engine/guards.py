@@ -77,24 +77,19 @@ def guard_functions(
         elif guard.friction:
             result.append(_of_friction(run.dynamics, guard, solved))
         else:
-            result.append(_of_gap(run.dynamics, guard.gap, solved))
+            # positive while an open gap is open, and while a closed one carries compressive force;
+            # one that has a rate only, see `Gap.value`, is open while that is positive
+            d, gap = run.dynamics, guard.gap
+            s, jet = d.flags.closed[gap], d.contacts.normal[gap]
+            value = dense(jet.rate if jet.value is None else jet.value)
+            scale = force_scale(d.equations.mechanism)
+            force = d.held(gap) if d.contacts.compliant else scale * dense(solved.N[gap])
+            result.append(value + s * (force - value) + _GUARDS.tiny)
     # what friction in ideal joints is by itself has been solved for already
     own = [k for k, g in enumerate(guards) if g.gap >= 0 or g.switch is not None]
     for k, function in zip(own, run.acted([result[k] for k in own]), strict=True):
         result[k] = function
     return result
-
-
-def _of_gap(d: Dynamics, gap: int, solved: Solved) -> hy.expression:
-    """Positive while an open gap is open, and while a closed one carries compressive force.
-
-    One that has a rate only, see `Gap.value`, is open while that is positive.
-    """
-    s, jet = d.flags.closed[gap], d.contacts.normal[gap]
-    value = dense(jet.rate if jet.value is None else jet.value)
-    scale = force_scale(d.equations.mechanism)
-    force = d.held(gap) if d.contacts.compliant else scale * dense(solved.N[gap])
-    return value + s * (force - value) + _GUARDS.tiny
 
 
 def _of_friction(d: Dynamics, guard: Guard, solved: Solved) -> hy.expression:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -62,9 +61,7 @@ def with_holding_parts(
     return found
 
 
-def _together(
-    free: Array, jump: Array, held: NDArray[np.bool_]
-) -> tuple[Array, NDArray[np.bool_]]:
+def _together(free: Array, jump: Array, held: Mask) -> tuple[Array, Mask]:
     """Parts (h, N) of holding switches that make their rates zero; mask (N,) of 0 to 1.
 
     They are solved for at once, since iteration may oscillate where switches are coupled.

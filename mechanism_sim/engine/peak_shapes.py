@@ -12,17 +12,16 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial, Times
 from mechanism_sim.numerics.quadrature import Parts, integrate
 from mechanism_sim.tolerances import TOLERANCES
 
 _PEAKS = TOLERANCES.peaks
 
-Magnitude = Callable[[NDArray[np.intp], Array | Nodes], Array]
+Magnitude = Callable[[IndexArray, Times], Array]
 """Magnitudes (N,) of a load in segments of a motion, instants as of ``curve.at``."""
 
 
@@ -76,7 +75,7 @@ class PeakOutlines:
 
     def __init__(
         self,
-        values: Callable[[Motion, NDArray[np.intp], Array | Nodes], Array],
+        values: Callable[[Motion, IndexArray, Times], Array],
         count: int,
     ) -> None:
         self._values = values
@@ -126,7 +125,7 @@ class PeakOutlines:
                 if not anyway and curve.end - seen < 0.25 * shape.duration:
                     continue
 
-            def size(k: NDArray[np.intp], dt: Array | Nodes, i: int = i) -> Array:
+            def size(k: IndexArray, dt: Times, i: int = i) -> Array:
                 return np.asarray(np.abs(self._values(whole, k, dt)[i]))
 
             self._known[i] = time, peak_shape(size, curve, time, abs(value))

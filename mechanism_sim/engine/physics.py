@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.crossings import Crossings
 from mechanism_sim.engine.dense_output import Motion, instants
 from mechanism_sim.engine.events import drawn_in, ends_meet, leaves_pulley
 from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
-from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial, Times
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.joint_friction import JointFriction
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Directed, EndGap, WrappedGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
@@ -30,77 +30,54 @@ _LOOKS = Nodes((0.0, 0.25, 0.5, 0.75, 1.0))
 """Positions within a step at which the ends of a spring are compared for a passage."""
 
 
-class Physics(Protocol):
+class Physics(ABC):
     """Forces, energies and gaps of a machine of any level along its motion."""
 
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
+    joints: tuple[str, ...]  #: names of all joints
+    clearances: tuple[str, ...] = ()  #: names of the joints with clearance
+    tilting: tuple[str, ...] = ()  #: joints that take moments out of the plane, or forces
+    driven: tuple[str, ...]
+    """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
+    unknowns: Mapping[str, str] = MappingProxyType({})
+    """Units of the loads whose sizes follow from the motion, by name."""
+    undetermined: Mapping[str, frozenset[str]]
+    """Parts of the forces in joints that redundant constraints leave open, by joint.
 
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of all joints."""
+    Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
+    """
+    frictions: Mapping[str, JointFriction]  #: friction in ideal joints, by joint
+    has_forces: bool = True  #: true if forces and energies are known, not only motion
+    size: float  #: size of the mechanism [m], to which the rounding of positions is relative
+    lifting_energy: float  #: [J] of the terms of a potential energy, see `Mechanism`
 
-    @property
-    def clearances(self) -> tuple[str, ...]:
-        """Names of the joints with clearance."""
+    def __init__(self, mechanism: Mechanism, undetermined: Mapping[str, frozenset[str]]) -> None:
+        self.undetermined, self.coordinates = undetermined, mechanism.coordinates
+        self.joints = tuple(joint.name for joint in mechanism.joints)
+        self.displacements = mechanism.displacements
+        self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
 
-    @property
-    def tilting(self) -> tuple[str, ...]:
-        """Names of the joints that take moments out of the plane, or forces."""
-
-    @property
-    def driven(self) -> tuple[str, ...]:
-        """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
-
-    @property
-    def unknowns(self) -> Mapping[str, str]:
-        """Units of the loads whose sizes follow from the motion, by name."""
-
-    @property
-    def undetermined(self) -> Mapping[str, frozenset[str]]:
-        """Parts of the forces in joints that redundant constraints leave open, by joint.
-
-        Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
-        """
-
-    @property
-    def frictions(self) -> Mapping[str, JointFriction]:
-        """Friction in ideal joints, by joint."""
-
-    @property
-    def displacements(self) -> tuple[str, ...]:
-        """Names of the coordinates that are displacements."""
-
-    @property
-    def has_forces(self) -> bool:
-        """True if forces and energies are known, not only motion."""
-
-    @property
-    def size(self) -> float:
-        """Size of the mechanism [m], to which the rounding of positions is relative."""
-
-    @property
-    def lifting_energy(self) -> float:
-        """Size [J] of the terms that a potential energy consists of, see `Mechanism`."""
-
-    def observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
+    def observe(self, motion: Motion, segments: IndexArray, dt: Times) -> Observation:
         """The machine at times `dt` after the start of `segments`.
 
         `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
         """
+        seen = self._observe(motion, segments, dt)
+        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
 
-    def moved(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array]:
+    @abstractmethod
+    def _observe(self, motion: Motion, segments: IndexArray, dt: Times) -> Observation:
+        """Observation without whole turns."""
+
+    @abstractmethod
+    def moved(self, motion: Motion, segments: IndexArray, dt: Times) -> tuple[Array, Array]:
         """Coordinates without whole turns and rates (n, N), as observed, independent of forces."""
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def open_gaps(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Gaps (m, N) [m] independent of forces, infinite where closed."""
+        return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
-    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+    @abstractmethod
+    def account(self, motion: Motion, segments: IndexArray, dt: Times) -> Account:
         """Terms of the energy balance; powers and forces count only where `has_forces`.
 
         `closure_error` is the largest distance [m] from zero: of closed gaps, and of what is left
@@ -108,39 +85,41 @@ class Physics(Protocol):
         """
 
     @property
+    @abstractmethod
     def takes_power(self) -> bool:
         """True if springs, dampers, films or loads take any power."""
 
-    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    @abstractmethod
+    def load_power(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take, if they do.
 
         It follows from positions and rates alone; where it may be steep, it is no part of
         `account`.
         """
 
-    def check_directions(self, motion: Motion) -> None:
-        """Refuse an integrated motion in which ends of a spring meet, or a rope leaves a pulley.
-
-        Raises
-        ------
-        RunError
-        """
+    def check_directions(self, motion: Motion) -> None:  # noqa: B027
+        """Refuse a motion in which ends of a spring meet, or a rope leaves a pulley."""
 
     @property
+    @abstractmethod
     def steep(self) -> bool:
         """True if powers may vary too steeply within a segment for a Taylor series."""
 
     @property
     def corners(self) -> bool:
-        """True if powers have corners within segments, where friction's normal force is zero."""
+        """True if powers have corners within segments, where friction's normal force is zero.
 
-    def switch_parts(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> dict[str, Array]:
-        """Part (N,) of each load that depends on rates, by its switch."""
+        Integrated steps end there.
+        """
+        return False
 
+    def switch_parts(self, motion: Motion, segments: IndexArray, dt: Times) -> dict[str, Array]:
+        """Part (N,) of each load that depends on rates, by its switch; none if prescribed."""
+        return {}
+
+    @abstractmethod
     def no_limits(self, motion: Motion) -> list[NoLimit]:
-        """Instants of unbounded forces, at which they are NaN."""
+        """Instants of unbounded forces, at which they are NaN: those at singular positions."""
 
 
 def is_force_open(undetermined: Mapping[str, frozenset[str]], joint: str) -> bool:
@@ -158,11 +137,8 @@ def known_wrench(physics: Physics, observed: Observation, joint: str) -> Array:
     return wrench
 
 
-class DynamicPhysics:
+class DynamicPhysics(Physics):
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
-
-    has_forces = True
-    unknowns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,
@@ -171,16 +147,13 @@ class DynamicPhysics:
         main: str | None = None,
     ) -> None:
         """Physics of a system; `main` is the coordinate whose position observations have."""
-        self.observer, self.undetermined = observer, undetermined
+        super().__init__(observer.system.mechanism, undetermined)
+        self.observer = observer
         self.system = system = observer.system
-        self.coordinates = system.coordinates
-        self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.driven = (*system.prescribed, *system.powered)
         rubbing = [joint.friction for joint in system.dynamics.frictional_joints]
         self.frictions = {friction.name: friction for friction in rubbing}
         self._main = system.coordinates.index(main or (*self.driven, *system.coordinates)[0])
-        self.displacements = system.mechanism.displacements
-        self.size, self.lifting_energy = system.mechanism.size, system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
         self._directed = [e for e in system.elements if isinstance(e, Directed) and e.jumps]
         self._wrapped = [gap for gap in system.gaps if isinstance(gap, WrappedGap)]
@@ -188,16 +161,7 @@ class DynamicPhysics:
             dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
         )
 
-    def observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
-        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        seen = self._observe(motion, segments, dt)
-        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
-
-    def _observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
+    def _observe(self, motion: Motion, segments: IndexArray, dt: Times) -> Observation:
         """Observation without whole turns; near singular positions with the limits of forces."""
         seen = self.observer.observe(self.inputs(motion, segments, dt))
         crossings = self._crossings(motion, segments)
@@ -217,7 +181,7 @@ class DynamicPhysics:
         power = (seen.drive_torque * seen.velocity[self.system.driven_index]).sum(axis=0)
         return seen._replace(drive_power=power)
 
-    def _crossings(self, motion: Motion, segments: NDArray[np.intp]) -> Crossings | None:
+    def _crossings(self, motion: Motion, segments: IndexArray) -> Crossings | None:
         """Crossings of singular positions in the segments; None without loop closures."""
         system = self.system
         if not system.relations:
@@ -227,10 +191,10 @@ class DynamicPhysics:
             motion,
             segments,
             free,
-            lambda k, t: self.observer.gaps.closure_distance(motion.curve.local(k, t).T),
+            lambda k, t: self.observer.gaps.closure_distance(motion.curve.local(k, t).T)[0][0],
         )
 
-    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+    def account(self, motion: Motion, segments: IndexArray, dt: Times) -> Account:
         """Terms of the energy balance."""
         return self.observer.account(self.inputs(motion, segments, dt))
 
@@ -295,26 +259,19 @@ class DynamicPhysics:
         return self.observer.takes_power
 
     @property
-    def corners(self) -> bool:
-        """False: steps end at the changes of sign of normal forces in joints with friction."""
-        return False
-
-    @property
     def steep(self) -> bool:
         """True if loads or contacts may be steep within a step."""
         return self.observer.steep
 
-    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def load_power(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take."""
         return self.observer.load_power(self.inputs(motion, segments, dt))
 
-    def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
+    def touch(self, motion: Motion, segments: IndexArray, dt: Times) -> TouchTerms:
         """Compliant contacts at times `dt` after the start of `segments`."""
         return self.observer.touch(self.inputs(motion, segments, dt))
 
-    def moved(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array]:
+    def moved(self, motion: Motion, segments: IndexArray, dt: Times) -> tuple[Array, Array]:
         """Coordinates without whole turns, and rates (n, N)."""
         curve = motion.curve
         if isinstance(dt, Nodes):
@@ -322,7 +279,7 @@ class DynamicPhysics:
         position, rate = curve.locals(segments, dt, (0, 1))
         return position.T, rate.T
 
-    def inputs(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
+    def inputs(self, motion: Motion, segments: IndexArray, dt: Times) -> Instants:
         """Instants as `Observer.observe` takes them, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         q, v = self.moved(motion, segments, dt)
@@ -347,7 +304,7 @@ class DynamicPhysics:
             self._sides(motion, segments, dt),
         )
 
-    def _rows(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array | None:
+    def _rows(self, motion: Motion, segments: IndexArray, dt: Times) -> Array | None:
         """Values of the switches: those of rates as they were, others by their places."""
         curve, states = motion.curve, motion.state_curve
         found = rows(self.system.edges, self.coordinates, curve, segments, dt, states)
@@ -357,7 +314,7 @@ class DynamicPhysics:
             found[flags], found[holds] = acting % HOLDS, acting == HOLDS
         return found
 
-    def _sides(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def _sides(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Signs (k, N) of the normal forces of joints with friction."""
         count = len(self.system.parameters.sides)
         if not count:
@@ -366,7 +323,7 @@ class DynamicPhysics:
         found: Array = 2.0 * np.repeat(own, instants(dt), axis=0).T - 1.0
         return found
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def open_gaps(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """The gaps (m, N) [m] at times `dt` in `segments`, infinite where closed."""
         curve, (q, _) = motion.curve, self.moved(motion, segments, dt)
         edges, states = self.system.edges, motion.state_curve
@@ -375,9 +332,7 @@ class DynamicPhysics:
         gaps = self.observer.gaps.distances(self.observer.gaps.values(q, beside, known))
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
-    def switch_parts(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> dict[str, Array]:
+    def switch_parts(self, motion: Motion, segments: IndexArray, dt: Times) -> dict[str, Array]:
         """Part (N,) of each load that depends on rates, by the name of its switch."""
         names = [*self.system.equations.frames.switches]
         if not self.system.set_valued.holding:
@@ -422,8 +377,8 @@ def _stacked(seen: Observation) -> Array:
 
 
 def each_instant(
-    curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
-) -> tuple[NDArray[np.intp], Array]:
+    curve: PiecewisePolynomial, segments: IndexArray, dt: Times
+) -> tuple[IndexArray, Array]:
     """The segment of every instant, and the time since its start [s], in the order of samples."""
     if isinstance(dt, Nodes):
         dt = np.outer(curve.duration[segments], dt.fractions)
@@ -434,8 +389,8 @@ def rows(
     edges: Edges | None,
     coordinates: Sequence[str],
     curve: PiecewisePolynomial,
-    segments: NDArray[np.intp],
-    dt: Array | Nodes,
+    segments: IndexArray,
+    dt: Times,
     states: PiecewisePolynomial | None = None,
 ) -> Array | None:
     """Values (k, N) of the switches, constant over the whole segment of an instant.
@@ -462,8 +417,8 @@ def outside(
     names: Sequence[str],
     coordinates: Sequence[str],
     curve: PiecewisePolynomial,
-    segments: NDArray[np.intp],
-    dt: Array | Nodes,
+    segments: IndexArray,
+    dt: Times,
     states: PiecewisePolynomial | None = None,
 ) -> Array:
     """Rows (k, N) of the quantities of loads beside the coordinates, see `Frames.outside`.

@@ -280,12 +280,7 @@ class Switching:
         self.set_rows((*self.rows[:switch], row, *self.rows[switch + 1 :]))
 
     def _count_turns(self, switch: int) -> None:
-        """Refuse a switch that changes rows again and again within a very short time.
-
-        Raises
-        ------
-        RunError
-        """
+        """Refuse a switch that changes rows again and again within a very short time."""
         since, count = self._turns.get(switch, (-math.inf, 0))
         count = 1 if self._now.time - since > _SWITCHES.again else count + 1
         self._turns[switch] = self._now.time, count

@@ -22,7 +22,7 @@ from mechanism_sim.export.palette import index
 from mechanism_sim.export.shapes import COIL, Shape
 from mechanism_sim.export.skeleton import Skeleton, bounds, scale_of, skeleton_of
 from mechanism_sim.planar.gaps import SIDES as CORNERS
-from mechanism_sim.planar.gaps import corner_name, gaps_of, wall_name
+from mechanism_sim.planar.gaps import gap_name, gaps_of, wall_name
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.view import Side
@@ -158,7 +158,7 @@ class Stage:
         if isinstance(pair, HigherPair):
             named = [(side, wall_name(mechanism, pair, side)) for side in pair.sides]
         else:
-            named = [(side, corner_name(mechanism, pair, end, side)) for end, side in CORNERS]
+            named = [(side, gap_name(mechanism, pair, f'{end}_{side}')) for end, side in CORNERS]
         found: dict[Side, list[int]] = {}
         for side, name in named:
             if name in known:

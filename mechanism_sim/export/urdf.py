@@ -47,7 +47,9 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
     for body in mechanism.bodies:
         _link(robot, prefix + body.name, body, drawn)
         if body.name in mechanism.floating:
-            tree.float_free(body)
+            # two displacements of the centre of gravity, and the angle
+            tree.shifted(body.name, GROUND, (0.0, 0.0))
+            tree.turning(body.name, f'{body.name}.y', (0.0, 0.0), body.cog)
         else:
             tree.carry(body.name)
     _loops(robot, mechanism, prefix)
@@ -223,30 +225,25 @@ class _Tree:
             self._joint(f'{link}.weld', 'fixed', parent, self._before(link, here), there, turn)
             return
         if link in m.having(Rotor):
-            self._shifted(link, parent, there)
-            self._turning(link, f'{link}.y', (0.0, 0.0), here)
+            self.shifted(link, parent, there)
+            self.turning(link, f'{link}.y', (0.0, 0.0), here)
             return
         frame, offset = m.frame(parent)
         if frame == GROUND:
-            self._turning(link, parent, there, here, -offset)
+            self.turning(link, parent, there, here, -offset)
             return
         upright = self._frame(f'{link}.carrier')
         carrier = self._joint(upright, 'continuous', parent, f'{link}.carrier', there)
         SubElement(carrier, 'mimic', joint=frame, multiplier='-1', offset=text(-offset))
-        self._turning(link, f'{link}.carrier', (0.0, 0.0), here)
+        self.turning(link, f'{link}.carrier', (0.0, 0.0), here)
 
-    def float_free(self, body: Body) -> None:
-        """Write two displacements of the centre of gravity, and the angle."""
-        self._shifted(body.name, GROUND, (0.0, 0.0))
-        self._turning(body.name, f'{body.name}.y', (0.0, 0.0), body.cog)
-
-    def _shifted(self, link: str, parent: str, there: Vector2) -> None:
+    def shifted(self, link: str, parent: str, there: Vector2) -> None:
         """Write two displacements of a link from a point of its parent."""
         x, y = (self._frame(f'{link}.{axis}') for axis in 'xy')
         self._joint(x, 'prismatic', parent, f'{link}.x', there, along=(1.0, 0.0))
         self._joint(y, 'prismatic', f'{link}.x', f'{link}.y', along=(0.0, 1.0))
 
-    def _turning(
+    def turning(
         self, link: str, parent: str, there: Vector2, here: Vector2, turn: float = 0.0
     ) -> None:
         self._joint(link, 'continuous', parent, self._before(link, here), there, turn)

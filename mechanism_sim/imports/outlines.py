@@ -148,7 +148,12 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
         if link != GROUND:
             loose = [curve for curve in drawn if curve.layer == layer and not curve.closed]
             made.notes += _loose(f'{title}: {layer}', unit, [outer, *inner], loose)
-            _check_one(f'{title}: {layer}', unit, outer, inner)
+            if stray := next((curve for curve in inner if not _within(outer, curve)), None):
+                x, y = _middle(stray)
+                raise InputError(
+                    f'{title}: {layer} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} '
+                    'is not within the largest; a link is one plate with its holes'
+                )
             made.outlines[link] = [
                 _area(outer),
                 *(_area(c)._replace(size=-_area(c).size) for c in inner),
@@ -166,16 +171,6 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
             if other != one:
                 made.join(f'{one}_{other}', 'revolute', (one, a), (other, b))
     return made
-
-
-def _check_one(where: str, unit: str, outer: DrawnCurve, inner: Sequence[DrawnCurve]) -> None:
-    """Refuse a layer with a curve that is not inside its largest one."""
-    if other := next((curve for curve in inner if not _within(outer, curve)), None):
-        x, y = _middle(other)
-        raise InputError(
-            f'{where} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} is not '
-            'within the largest; a link is one plate with its holes'
-        )
 
 
 def _within(outer: DrawnCurve, curve: DrawnCurve) -> bool:

@@ -113,7 +113,7 @@ class Contact(Part):
             raise ValueError(
                 f'has exponent = {self.exponent:g}: with materials it is 1.5, after Hertz'
             )
-        if self.radii and not (math.prod(self.radii) and self._relative_radius > 0.0):
+        if self.radii and not (math.prod(self.radii) and self.relative_radius > 0.0):
             a, b = self.radii
             raise ValueError(
                 f'has radii {a:g} m and {b:g} m, between which no point touches: none may be 0, '
@@ -122,18 +122,10 @@ class Contact(Part):
         return self
 
     @property
-    def _relative_radius(self) -> float:
+    def relative_radius(self) -> float:
         """``1/R = 1/R1 + 1/R2`` [m]; infinite between planes, 0 where there is none."""
         a, b = self.radii or (0.0, 0.0)
         return a * b / (a + b) if a + b else 0.0
-
-    def hertzian(self, pin_radius: float, clearance: float) -> float:
-        """Stiffness by the materials [N/m^1.5], of a pin in its bushing without radii."""
-        assert self.materials  # noqa: S101 - who asks has them
-        pair = self.materials[0].material, self.materials[-1].material
-        if self.radii:
-            return hertz_stiffness(self._relative_radius, *pair)
-        return socket_stiffness(self.radius or pin_radius, clearance, *pair)
 
 
 class Friction(Part):
@@ -205,9 +197,12 @@ class ClearanceSpec(Part):
     def stiffness(self) -> float | None:
         """Stiffness of the compliant contacts [N/m^exponent], given or of the materials."""
         contact = self.contact
-        if contact and contact.materials:
-            return contact.hertzian(self.pin_radius, self.radial)
-        return contact.stiffness if contact else None
+        if not contact or not contact.materials:
+            return contact.stiffness if contact else None
+        pair = contact.materials[0].material, contact.materials[-1].material
+        if contact.radii:
+            return hertz_stiffness(contact.relative_radius, *pair)
+        return socket_stiffness(contact.radius or self.pin_radius, self.radial, *pair)
 
     @property
     def film(self) -> bool:
@@ -246,6 +241,11 @@ class ClearanceSpec(Part):
             'flores': Flores,
         }
         return laws[contact.law](share * stiffness, self.restitution, contact.exponent)
+
+    def behaviour(self, share: float = 1.0) -> dict[str, Any]:
+        """Keywords of a `ContactGap`; `share` is that of the stiffness."""
+        given = {key: getattr(self, key) for key in ('restitution', 'friction', 'hypothesis')}
+        return {**given, 'law': self.law(share)}
 
 
 def clearance_spec_of(given: Any, radial: float) -> ClearanceSpec:

@@ -124,8 +124,7 @@ class JointKeys(Part):
     def contacts(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The gaps of a loose joint; what it has instead where it is elastic or full of oil."""
         gaps = () if joint.elastic else walls(
-            joint.closure(mechanism), spec.radial, spec.restitution, spec.friction,
-            spec.hypothesis, spec.law(), spec.pin_radius,
+            joint.closure(mechanism), spec.radial, spec.pin_radius, **spec.behaviour()
         )  # fmt: skip
         return gaps, joint.elements(mechanism)
 

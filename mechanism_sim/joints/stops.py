@@ -29,17 +29,17 @@ from mechanism_sim.keys.quantities import (
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
-from mechanism_sim.planar.frames import Frames, Jet, lift, wrapped
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift, wrapped
 from mechanism_sim.planar.gaps import (
     BOUNDS,
     FrictionlessGap,
     MeasuredGap,
-    bound_name,
+    gap_name,
     with_turning,
 )
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import MotionBound, Wrench, contact_wrench
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
 
@@ -148,19 +148,16 @@ class StopKeys(JointKeys):
         for side, at in zip(BOUNDS, (low, high), strict=True):
             if at is None:
                 continue
-            name, sign = bound_name(mechanism, joint, side), -1.0 if side == 'upper' else 1.0
-            law = spec.law()
+            name, sign = gap_name(mechanism, joint, side), -1.0 if side == 'upper' else 1.0
+            place = name, joint.name, mechanism, sign, at
             if isinstance(joint, Revolute):
                 other = high if side == 'lower' else low
-                found.append(AngleStop(
-                    name, joint.name, mechanism, sign, at, spec.restitution, spec.hypothesis, law,
-                    given.radius or 1.0, other,
-                ))  # fmt: skip
+                stop: MotionBound = AngleStop(
+                    *place, given.radius or 1.0, other, **spec.behaviour()
+                )
             else:
-                found.append(EndStop(
-                    name, joint.name, mechanism, sign, at, spec.restitution, spec.hypothesis, law,
-                    spec.friction, spec.pin_radius,
-                ))  # fmt: skip
+                stop = EndStop(*place, spec.pin_radius, **spec.behaviour())
+            found.append(stop)
         return found
 
 
@@ -183,9 +180,6 @@ class _Stop(MeasuredGap):
     mechanism: Mechanism
     sign: float  #: 1 for a lower limit, -1 for an upper one
     limit: float  #: limit of the angle or displacement [rad, m]
-    restitution: float
-    hypothesis: str
-    law: ForceLaw | None
 
     @property
     def words(self) -> str:
@@ -257,7 +251,6 @@ class AngleStop(FrictionlessGap, _Stop):
 class EndStop(_Stop):
     """An end of a guide, which a block meets, or of a slot, which its pin meets and rolls on."""
 
-    friction: float = 0.0
     pin_radius: float = 0.0  #: radius of a pin with friction [m]
 
     @property
@@ -274,7 +267,7 @@ class EndStop(_Stop):
         start, end = (beside(line.on, line.axis, at, x) for x in (-high, high))
         draft.wall(line.link, start, end)
 
-    def _axis(self, frames: Frames, angle: float, label: str) -> tuple[Jet, Jet]:
+    def _axis(self, frames: Frames, angle: float, label: str) -> JetPair:
         line = self.mechanism.joint(self.joint).line
         assert line is not None  # noqa: S101 - it has one
         return along(self.mechanism, frames, line, angle, f'{self.joint}.{label}')
@@ -296,7 +289,7 @@ class EndStop(_Stop):
             way = ux * x + uy * y
         return way - limit if self.sign > 0.0 else limit - way
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Direction of the guide or slot, towards the end that presses on the second link."""
         ux, uy = self._axis(frames, 0.0, 'way')
         sign = -self._way * self.sign

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.linkages.four_bar import FourBar
 
 #: the part of all lengths together below which a difference of lengths counts as zero
@@ -72,7 +72,7 @@ def classify(lengths: ArrayLike) -> NDArray[np.str_]:
     return np.where(spare <= TOLERANCE * total, 'no linkage', names)
 
 
-def full_turns(lengths: ArrayLike) -> NDArray[np.bool_]:
+def full_turns(lengths: ArrayLike) -> Mask:
     """True if crank, coupler and rocker make full turns against the ground, (3, ...).
 
     The shortest link of a Grashof linkage turns fully against all others, which only swing

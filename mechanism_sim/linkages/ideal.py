@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.four_bar import FourBarLoop
 from mechanism_sim.numerics.polynomials import TWO_PI
@@ -39,12 +38,12 @@ class Passage:
     """
 
     kinematics: Kinematics
-    index: NDArray[np.intp]
+    index: IndexArray
     branch: Branch
     pace: Array
     bend: Array
 
-    def __getitem__(self, chosen: NDArray[np.intp]) -> Passage:
+    def __getitem__(self, chosen: IndexArray) -> Passage:
         return replace(
             self, index=self.index[chosen], branch=self.branch[chosen],
             pace=self.pace[chosen], bend=self.bend[chosen],
@@ -86,7 +85,7 @@ class Passage:
 
 def with_limits(
     seen: Observation,
-    sampled: Callable[[Passage, NDArray[np.intp], float], Observation] | None,
+    sampled: Callable[[Passage, IndexArray, float], Observation] | None,
     required: Array,
     passage: Passage,
 ) -> Observation:
@@ -165,7 +164,7 @@ class FourBarMotion:
         """Solve each instant by itself, as `follow` does with the closed form."""
         return self.follow(last, driven[0], driven, driven, None)[0]
 
-    def branches_meet(self, q: Array) -> NDArray[np.bool_]:
+    def branches_meet(self, q: Array) -> Mask:
         """False (N,): change points are not for closed forms."""
         return np.zeros(q.shape[1], dtype=bool)
 
@@ -294,7 +293,7 @@ class LinkageMotion:
             )
         return q, None
 
-    def branches_meet(self, q: Array) -> NDArray[np.bool_]:
+    def branches_meet(self, q: Array) -> Mask:
         """True if positions (n, N) are nearly singular, as where two branches meet.
 
         At a limit of the drive all closures together are independent: the motion turns back there,
@@ -450,7 +449,7 @@ class LinkageMotion:
         return float(np.abs(self.kinematics.closure(q)[0]).max(initial=0.0))
 
 
-def _turning(count: int, others: Sequence[int]) -> NDArray[np.bool_]:
+def _turning(count: int, others: Sequence[int]) -> Mask:
     """Mask of all of `count` coordinates but some."""
     turning = np.ones(count, dtype=bool)
     turning[list(others)] = False

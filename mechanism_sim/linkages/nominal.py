@@ -17,11 +17,11 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.drive_laws import LawSchedule
 from mechanism_sim.engine.events import Impacts, ModeChange
-from mechanism_sim.engine.physics import each_instant, is_force_open, outside, rows
+from mechanism_sim.engine.physics import Physics, each_instant, is_force_open, outside, rows
 from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
@@ -37,8 +37,8 @@ from mechanism_sim.linkages.piece_ends import (
 )
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
-    Nodes,
     PiecewisePolynomial,
+    Times,
     chebyshev_coefficients,
     fit_powers,
     shift_powers,
@@ -501,11 +501,11 @@ def _is_exact(
     return bool(slope is None and tail <= _ROUNDED * ideal.rounding(values))
 
 
-class NominalPhysics:
-    """An ideal linkage: exact kinematics, and forces where masses are known."""
+class NominalPhysics(Physics):
+    """An ideal linkage: exact kinematics, and forces where masses are known.
 
-    clearances: tuple[str, ...] = ()
-    tilting: tuple[str, ...] = ()
+    All directions of springs are accepted: a prescribed motion is known where their ends meet.
+    """
 
     def __init__(
         self,
@@ -514,30 +514,19 @@ class NominalPhysics:
         forces: InverseDynamics | None,
         undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
     ) -> None:
-        self.undetermined = undetermined
-        self.coordinates = mechanism.coordinates
-        self.joints = tuple(joint.name for joint in mechanism.joints)
+        super().__init__(mechanism, undetermined)
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
-        self.displacements = mechanism.displacements
-        self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
         self.has_forces = forces is not None
         self.unknowns = forces.unknowns.units if forces else {}
         self.frictions = forces.frictions if forces else {}
         self._ideal = ideal
         self._forces = forces
 
-    def observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
-        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        seen = self._observe(motion, segments, dt)
-        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
-
     def _observe(
         self,
         motion: Motion,
-        segments: NDArray[np.intp],
-        dt: Array | Nodes,
+        segments: IndexArray,
+        dt: Times,
         limited: bool = True,
     ) -> Observation:
         """Observed without whole turns; limits of forces in joints, which take time, on request.
@@ -559,7 +548,7 @@ class NominalPhysics:
             acting = None if acting is None else acting[:, near]
             required = self._forces.required(q[:, near], v[:, near], a[:, near], known, acting)
 
-            def sampled(part: Passage, which: NDArray[np.intp], share: float) -> Observation:
+            def sampled(part: Passage, which: IndexArray, share: float) -> Observation:
                 return self._sampled(part, curve, segment[which], since[which], share)
 
             return with_limits(seen, sampled if limited else None, required, passage)
@@ -571,7 +560,7 @@ class NominalPhysics:
         )  # fmt: skip
 
     def _motion(
-        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+        self, curve: PiecewisePolynomial, segments: IndexArray, dt: Times
     ) -> tuple[Array, Array, Array, Passage | None]:
         """Coordinates without whole turns, rates and accelerations, exact beside the fitted."""
         driven = self._ideal.driven
@@ -580,15 +569,11 @@ class NominalPhysics:
         closed_by = rows(self._ideal.edges, self.coordinates, curve, segments, dt)
         return self._ideal.motion(fitted, v[driven], a[driven], (v, a), closed_by)
 
-    def moved(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array]:
+    def moved(self, motion: Motion, segments: IndexArray, dt: Times) -> tuple[Array, Array]:
         """Coordinates without whole turns, and rates (n, N)."""
         return self._motion(motion.curve, segments, dt)[:2]
 
-    def _outside(
-        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Array:
+    def _outside(self, curve: PiecewisePolynomial, segments: IndexArray, dt: Times) -> Array:
         """Inputs that loads ask for beside the motion."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
         return outside(self._forces.outside, self.coordinates, curve, segments, dt)
@@ -597,8 +582,8 @@ class NominalPhysics:
         self,
         seen: Observation,
         curve: PiecewisePolynomial,
-        segments: NDArray[np.intp],
-        dt: Array | Nodes,
+        segments: IndexArray,
+        dt: Times,
     ) -> None:
         """Refuse loads that are not finite: forces alone are not at singular positions, either.
 
@@ -631,7 +616,7 @@ class NominalPhysics:
         self,
         passage: Passage,
         curve: PiecewisePolynomial,
-        segments: NDArray[np.intp],
+        segments: IndexArray,
         dt: Array,
         share: float,
     ) -> Observation:
@@ -658,12 +643,6 @@ class NominalPhysics:
         q, v, a = passage.states(beside, driven)
         acting = rows(self._forces.edges, self.coordinates, curve, segments, times)
         return self._forces(q, v, a, self._outside(curve, segments, times), acting)
-
-    def switch_parts(
-        self, _motion: Motion, _segments: NDArray[np.intp], _dt: Array | Nodes
-    ) -> dict[str, Array]:
-        """Parts in which switches hold a load: none of a prescribed motion."""
-        return {}
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Instants of unbounded forces: those at singular positions."""
@@ -742,9 +721,7 @@ class NominalPhysics:
                 found.append(single)
         return sorted(found)
 
-    def _idle(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array, rests: bool
-    ) -> list[NoLimit]:
+    def _idle(self, motion: Motion, segments: IndexArray, dt: Array, rests: bool) -> list[NoLimit]:
         """Note on instants at which unknown loads do no work, or from which on."""
         if not dt.size:
             return []
@@ -762,7 +739,7 @@ class NominalPhysics:
             for i in range(len(t))
         ]
 
-    def work_of_unknowns(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+    def work_of_unknowns(self, motion: Motion, segments: IndexArray, dt: Array) -> Array:
         """Virtual power of the unknown loads (N,), see `planar.unknowns.Unknowns.work`."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
         curve = motion.curve
@@ -771,11 +748,7 @@ class NominalPhysics:
         outside = self._outside(curve, segments, dt)
         return self._forces.work_of_unknowns(q, v, a, outside, acting)
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Open gaps: none, (0, N)."""
-        return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
-
-    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+    def account(self, motion: Motion, segments: IndexArray, dt: Times) -> Account:
         """Terms of the energy balance, and how far the interpolated loops are open."""
         limited = len(self.driven) > 1 or bool(self.unknowns)  # one drive's torque follows without
         seen = self._observe(motion, segments, dt, limited)
@@ -796,9 +769,6 @@ class NominalPhysics:
         """True if springs, dampers or loads take any power."""
         return self._forces is not None and self._forces.takes_power
 
-    def check_directions(self, _: Motion) -> None:
-        """Accept all directions of springs: a prescribed motion is known where their ends meet."""
-
     @property
     def corners(self) -> bool:
         """True with joint friction: normal forces may change their side within a segment."""
@@ -810,7 +780,7 @@ class NominalPhysics:
         forces = self._forces
         return forces is not None and (forces.loses_more or forces.steep is not None)
 
-    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def load_power(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Power (N,) [W] that springs, dampers and loads take."""
         q, v, _, _ = self._motion(motion.curve, segments, dt)
         return self._load_power(q, v, motion.curve, segments, dt)
@@ -820,8 +790,8 @@ class NominalPhysics:
         q: Array,
         v: Array,
         curve: PiecewisePolynomial,
-        segments: NDArray[np.intp],
-        dt: Array | Nodes,
+        segments: IndexArray,
+        dt: Times,
     ) -> Array:
         """Power of loads, where coordinates and rates are known."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise

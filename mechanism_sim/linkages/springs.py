@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, polynomial
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, LinkPoint
 from mechanism_sim.planar.protocols import Load, moment_of
@@ -117,7 +117,13 @@ class SpringLaw:
         if not self.side or total is None:
             return total
         if self._holds_back:
-            total = never_against(frames, key, self.side, total, self._steepest(frames, key))
+            # the force at an elongation of 1, of a table that of its steepest part; 1 without
+            steepest: Term | float = 1.0
+            if isinstance(k := self.stiffness, Curve):
+                steepest = float(np.abs(k.rows[:, 1:2]).max(initial=0.0)) or 1.0
+            else:
+                steepest = frames.parameters(f'{key}.stiffness', k) or 1.0
+            total = never_against(frames, key, self.side, total, steepest)
         return mul(self._beyond(frames, key, x), total)
 
     def power_lost(
@@ -150,13 +156,6 @@ class SpringLaw:
     def _holds_back(self) -> bool:
         c = self.damping
         return bool(isinstance(c, Curve) or c or self.formula)
-
-    def _steepest(self, frames: Frames, key: str) -> Term | float:
-        """The force at an elongation of 1, of a table that of its steepest part; 1 without."""
-        k = self.stiffness
-        if isinstance(k, Curve):
-            return float(np.abs(k.rows[:, 1:2]).max(initial=0.0)) or 1.0
-        return frames.parameters(f'{key}.stiffness', k) or 1.0
 
     def _stored(self, frames: Frames, key: str, x: Term) -> Term:
         k = self.stiffness
@@ -251,7 +250,7 @@ class Spring(Elongation):
         place = self.mechanism.locate_all
         return np.asarray(place(b, q, at_b) - place(a, q, at_a))
 
-    def _between(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _between(self, frames: Frames) -> JetPair:
         x, y = (
             b - a
             for a, b in zip(
@@ -309,10 +308,7 @@ class GuidedSpring(Spring):
 
     joint: str = ''  #: the prismatic joint, whose points it connects
 
-    @property
-    def directed(self) -> bool:
-        """Always, but by its guide: what it connects may meet."""
-        return True
+    directed = True  # by its guide: what it connects may meet
 
     def between(self, q: Array) -> Array:
         """Infinite distances of the ends: where its points meet nothing happens."""

@@ -13,8 +13,7 @@ from ros_interfaces.origin import require
 
 OWN = 'mechanism_sim'
 
-_LATEST = 2.0**31
-"""[s] A stamp holds no more."""
+_LATEST = 2.0**31  # [s] A stamp holds no more
 
 _LAST_MODE = 6  # RECOVERING, of ModeChange
 

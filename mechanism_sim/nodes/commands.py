@@ -177,10 +177,10 @@ class DriveCommands:
             self._present = float(message.data)
             self._command(self._present)
         else:
-            self._drive.get_logger().warning(
-                f'a commanded {self._name} of {message.data:g} is refused: at most '
-                f'{self._limit:g}, SI'
+            reason = (
+                f'{message.data:g} is no {self._name} from {-self._limit:g} to {self._limit:g}, SI'
             )
+            self._drive.ignore(self._topic, reason)
 
     def _command(self, value: float) -> None:
         if self._period and self._begun:

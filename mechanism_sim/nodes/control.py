@@ -230,8 +230,7 @@ class Worlds:
             next_machine(drive.machine, asked)
         except InputError as error:
             return answered(response, str(error), UNSUPPORTED_ELEMENTS)
-        await drive.spawning.clear()
-        if not (reason := await self._begin(asked)):
+        if not (reason := await self._begin(asked, spawned=True)):
             response.world = self._describe(uri, drive.machine.name)
         return answered(response, reason)
 
@@ -268,12 +267,17 @@ class Worlds:
             return answered(response, str(error), INVALID_POSE)
         return answered(response, await self._begin(asked) if asked != before else '')
 
-    async def _begin(self, content: Content) -> str:
-        """Begin a stopped run of other content; returns the reason of a refusal, or ''."""
+    async def _begin(self, content: Content, spawned: bool = False) -> str:
+        """Begin a stopped run of other content; returns the reason of a refusal, or ''.
+
+        Parameters
+        ----------
+        spawned : delete spawned machines
+        """
         drive, control, before = self._drive, self._control, Content.of(self._drive)
         self._set(content)
         drive.pause()
-        reason = await control.alone('another scene', drive.start_over())
+        reason = await control.alone('another scene', control.begin_anew(spawned))
         if reason:
             self._set(before)
         else:
@@ -437,11 +441,8 @@ class SimulationControl:
             return answered(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         if reason := await self.refusal():
             return answered(response, reason)
-        if scope & spawned:
-            await self._drive.spawning.clear()
-        if not scope & both:
-            return answered(response)
-        return answered(response, await self.alone('a reset', self._drive.start_over()))
+        work = self.begin_anew(bool(scope & spawned), bool(scope & both))
+        return answered(response, await self.alone('a reset', work))
 
     async def _simulate_steps(self, goal: Any) -> Any:
         """Steps one by one, with feedback after each."""
@@ -487,6 +488,12 @@ class SimulationControl:
         if await drive.arrive(self._origin + self._steps * size):
             return ''
         return f'paused meanwhile, at {drive.announced:.9g} s'
+
+    async def begin_anew(self, spawned: bool, both: bool = True) -> str:
+        """Delete spawned machines, and begin a new run; returns the reason of a refusal, or ''."""
+        if spawned:
+            await self._drive.spawning.clear()
+        return await self._drive.start_over() if both else ''
 
     async def alone(self, what: str, work: Any) -> Any:
         """Await uninterruptible work; `what` is its name for the refusal of other requests."""

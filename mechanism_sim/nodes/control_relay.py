@@ -57,7 +57,7 @@ class ControlRelay(DescribedNode):
         component = self.declare('component', 'machine', about, read_only=True)
         self._period = round(period * NANOSECONDS)
         machine = Content.declare(self).load()
-        self._joint = machine.plan.main
+        self._joint, own = machine.plan.main, list(machine.physics.coordinates)
         self._kind, _ = commanded_part(machine.drive.law)
         if self._kind == 'velocity' and not machine.drive.commands:
             raise InputError(
@@ -81,7 +81,16 @@ class ControlRelay(DescribedNode):
         topics = {'commands': commands.topic_name, 'states': self._states.topic_name}
         self._description = controlled_urdf(machine, component, self._joint, self._kind, topics)
         self._described = self.create_publisher(String, 'hardware/robot_description', LATCHED)
-        self.create_subscription(JointState, 'joint_states', self._take_state, RESULTS)
+
+        def take(state: Any) -> None:
+            # Others in ROS publish on this topic, too, with times of another clock.
+            if list(state.name) == own:
+                self._take_state(state)
+            else:
+                self.ignore('joint_states', 'it is not of the joints of this machine')
+
+        heard = self.create_subscription(JointState, 'joint_states', take, RESULTS)
+        self.refuse_echo(heard, self._states)
         self._overdue = self.create_timer(PATIENCE, self._show_again)
         self.publish_diagnostics()
 
@@ -148,11 +157,11 @@ class ControlRelay(DescribedNode):
         """Pass a command on if it answers the published state."""
         # the component writes the names of all joints, and values of those with
         # commands: nan without a controller
-        values = getattr(message, self._kind)
-        if len(values) == 1:
+        names, values = message.name, getattr(message, self._kind)
+        if len(values) == 1 != len(names):
             found = values[0]
         else:
-            found = dict(zip(message.name, values, strict=False)).get(self._joint, math.nan)
+            found = dict(zip(names, values, strict=False)).get(self._joint, math.nan)
         value = float(found) if math.isfinite(found) else None
         if self._period:
             self._heard = True

@@ -12,7 +12,7 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
-from mechanism_sim.errors import nearest
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -175,6 +175,14 @@ class DescribedNode(Node):
         if ours:
             self.spoken.add(topic)
         return ours
+
+    def refuse_echo(self, heard: Any, publisher: Any) -> None:
+        """Refuse names by which a node that answers each message would answer itself."""
+        if heard.topic_name == publisher.topic_name:
+            raise InputError(
+                f'{self.get_name()}: it hears {heard.topic_name} and answers there, itself too: '
+                'remap one of both'
+            )
 
     def ignore(self, topic: str, reason: str) -> None:
         """Warn of an ignored message, at limited frequency."""

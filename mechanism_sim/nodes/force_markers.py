@@ -32,8 +32,7 @@ from mechanism_sim.planar.mechanism import Joint
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.view import Kind
 
-_Colour = tuple[float, float, float, float]
-"""Red, green, blue, and how opaque, 0 to 1 each."""
+_Colour = tuple[float, float, float, float]  # red, green, blue, and how opaque, 0 to 1 each
 
 STEEL: _Colour = (0.55, 0.60, 0.66, 1.0)
 

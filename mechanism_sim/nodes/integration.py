@@ -259,14 +259,10 @@ class Restitutions:
     Parameters
     ----------
     change : function that changes a restitution by path
-
-    Attributes
-    ----------
-    changed : values that differ from the scene, by path
     """
 
     def __init__(self, node: SimulationNode, change: Callable[[str, float], None]) -> None:
-        self.changed: dict[str, float] = {}
+        self.changed: dict[str, float] = {}  #: values that differ from the scene, by path
         self._change = change
         self._node = node
         self._scene = self._of_scene()

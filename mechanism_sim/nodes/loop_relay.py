@@ -21,8 +21,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.load import without_clearance
 from ros_interfaces.stamps import nanoseconds
 
-_DRIVERS = 'driver_states'
-"""Topic on which the driving joints are told (sensor_msgs/JointState)."""
+_DRIVERS = 'driver_states'  # topic on which the driving joints are told (sensor_msgs/JointState)
 
 
 class LoopRelay(DescribedNode):
@@ -68,7 +67,8 @@ class LoopRelay(DescribedNode):
             ('driver_description', drivers_urdf(machine, self._driven, self._limits)),
         ):
             self.create_publisher(String, topic, LATCHED).publish(String(data=text))
-        self.create_subscription(JointState, _DRIVERS, self._take, RESULTS)
+        heard = self.create_subscription(JointState, _DRIVERS, self._take, RESULTS)
+        self.refuse_echo(heard, self._states)
         self.publish_diagnostics()
 
     def _take(self, message: Any) -> None:
@@ -94,7 +94,8 @@ class LoopRelay(DescribedNode):
             return
         rates = dict(zip(message.name, message.velocity, strict=False))
         known = [rates[name] for name in self._driven if name in rates]
-        velocity = self._tracker.rates(known) if len(known) == len(told) else np.zeros(0)
+        told_rates = len(known) == len(told) and np.isfinite(known).all()
+        velocity = self._tracker.rates(known) if told_rates else np.zeros(0)
         answer = JointState(
             name=self._names, position=float64_array(q), velocity=float64_array(velocity)
         )

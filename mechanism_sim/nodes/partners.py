@@ -27,13 +27,6 @@ class Partners:
     """The nodes that a run waits for, and those that must receive this one's results.
 
     Parameters of the node: ``partners``, ``listeners``, ``partner_timeout``.
-
-    Attributes
-    ----------
-    names : names of the partners
-    run : number of the run of this node
-    reports : last report by partner, of this run or the next
-    alone : True if an earlier run would have been detected, and there is none
     """
 
     def __init__(self, node: DescribedNode) -> None:
@@ -44,13 +37,14 @@ class Partners:
             node.declare_list(key, about, read_only=True)
         node.declare('partner_timeout', 20.0, 'How long to wait for partners [s]', LONG, True)
         self._node, self._listeners = node, node.names('listeners')
+        #: names of the partners
         self.names = [p for p in node.names('partners') if p != node.get_name()]
-        self.run = 0
-        self.reports: dict[str, Any] = {}
+        self.run = 0  #: number of the run of this node
+        self.reports: dict[str, Any] = {}  #: last report by partner, of this run or the next
         self._seen: set[str] = set()
         self._ids: dict[str, tuple[int, ...]] = {}  # ids by partner at the start of this run
         self._different = ''
-        self.alone = False
+        self.alone = False  #: True if an earlier run would have been detected, and there is none
         self._mark: Any = None
         self._missing_since: dict[str, float] = {}
         self._said: dict[str, float] = {}  # [s] time of the last log entry by kind of waiting

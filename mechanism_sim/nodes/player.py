@@ -23,7 +23,7 @@ from mechanism_sim.nodes.qos import profile_of
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.terminal import print_notice
 from ros_interfaces.names import InvalidNameError
-from ros_interfaces.stamps import stamp_at
+from ros_interfaces.stamps import NANOSECONDS, stamp_at
 
 _LOOK = 0.05  # [s] polling interval of subscriptions
 _QUIET = 0.4  # [s] without a new one, after which all are known
@@ -137,23 +137,21 @@ class BagPlayer:
             for name in topics
             if name in bag.topics
         }
-        ticks, tick = None, 0.0
-        if clock and '/clock' not in publishers:
-            ticks = self._node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
+        ticks = _Ticks(self._node, clock) if clock and '/clock' not in publishers else None
         _wait_for_subscriptions(list(publishers.values()), self._patience)
         began, count, first = time.monotonic(), 0, bag.start / 1e9 + start
-        for name, message, stamp in bag.messages(topics):
+        for name, message, stamp in bag.in_order_of_time(topics):
             now = stamp / 1e9
             if now < first and publishers[name].qos_profile.durability != (
                 DurabilityPolicy.TRANSIENT_LOCAL
             ):
                 continue
             if rate and now > first:
-                while (early := (now - first) / rate - (time.monotonic() - began)) > 0.0:
-                    time.sleep(min(early, _BEAT))
-            if ticks and now >= tick:
-                ticks.publish(Clock(clock=stamp_at(stamp)))
-                tick = now + 1.0 / (clock or 1.0)
+                while (there := first + (time.monotonic() - began) * rate) < now:
+                    due = min(now, ticks.show(round(there * NANOSECONDS))) if ticks else now
+                    time.sleep(min(max(due - there, 0.0) / rate, _BEAT))
+            if ticks:
+                ticks.show(max(stamp, round(first * NANOSECONDS)))
             publishers[name].publish(message)
             count += 1
             told(now - bag.start / 1e9, count)
@@ -172,6 +170,21 @@ class BagPlayer:
                 '(ROS_DOMAIN_ID=1), begin the run in a namespace (--namespace left), or play '
                 'other topics only (--topics)'
             )
+
+
+class _Ticks:
+    """Publisher of the time of a bag on ``/clock``, `rate` times a recorded second."""
+
+    def __init__(self, node: Node, rate: float) -> None:
+        self._publisher = node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
+        self._period, self._due = NANOSECONDS / rate, 0.0  # [ns]
+
+    def show(self, now: int) -> float:
+        """Publish a time [ns] if it is due; returns when the next is [s]."""
+        if now >= self._due:
+            self._publisher.publish(Clock(clock=stamp_at(now)))
+            self._due = now + self._period
+        return self._due / NANOSECONDS
 
 
 def _wait_for_subscriptions(publishers: Sequence[Publisher], patience: float) -> None:

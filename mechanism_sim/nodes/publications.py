@@ -30,7 +30,7 @@ from mechanism_sim.messages import (
     float64_array,
     uint8_array,
 )
-from mechanism_sim.messages.topics import WRENCH, loaded_shafts, wrench_joints
+from mechanism_sim.messages.topics import WRENCH, topics_of, wrench_joints
 from mechanism_sim.nodes.following import Schedule
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -46,6 +46,7 @@ from mechanism_sim.results.quantity import View
 from mechanism_sim.scene import Machine
 from ros_interfaces.layout import Layout
 
+_SAMPLED = 'joint_states', 'linkage_state', 'joint_reactions', '/tf', 'bearing_loads'
 _ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
 
 
@@ -284,18 +285,11 @@ class SampleTopics:
 
     def __init__(self, node: SimulationNode) -> None:
         machine, self._node = node.machine, node
-        kinds = {
-            'joint_states': JointState,
-            'linkage_state': LinkageState,
-            'joint_reactions': JointReactions,
-            '/tf': TFMessage,
-        }
-        if loaded_shafts(machine):
-            kinds['bearing_loads'] = BearingLoads
         self.wrenches = wrench_joints(machine)
-        kinds |= {f'{WRENCH}/{joint}': WrenchStamped for joint in self.wrenches}
         self._publishers = {
-            topic: node.create_publisher(kind, topic, RESULTS) for topic, kind in kinds.items()
+            topic.name: node.create_publisher(topic.kind, topic.name, RESULTS)
+            for topic in topics_of(machine)
+            if topic.name in _SAMPLED or topic.kind is WrenchStamped
         }
         self.start_over()
 

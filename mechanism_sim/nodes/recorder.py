@@ -23,7 +23,7 @@ from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
 _IN_ARRAY = 'tf2_msgs/msg/TFMessage', 'visualization_msgs/msg/MarkerArray'
-_PARENT = 20  # offset of the parent frame's name in a TFMessage
+_FRAME, _FRAME_IN_ARRAY = 12, 16  # offsets of the frame's name in a header, alone and in an array
 LOSS_TIMEOUT = 10.0  # [s] to wait for announced messages
 
 
@@ -120,21 +120,16 @@ class Recorder(SimulationNode):
         """
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
-        # All machines share these topics: frames of others have other parents.
-        ours: tuple[bytes, ...] = ()
-        if topic in ('/tf', '/tf_static'):
-            bodies = self.machine.mechanism.bodies
-            links = (WORLD, *(body.name for body in bodies))
-            ours = tuple(f'{self.frame(link)}\0'.encode() for link in links)
+        own, is_clock = self._make_filter(topic), topic == self.resolve_topic_name('/clock')
 
         def write(data: bytes) -> None:
-            if ours and not data.startswith(ours, _PARENT):
+            if own and not own(data):
                 return
             now = self._now
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
                 whole, part = _STAMP.unpack_from(data, offset)
                 now = whole * NANOSECONDS + part
-                if topic == '/clock':
+                if is_clock:
                     # Of the previous run, recognised by its time only, or of another machine.
                     if self._ended or now > self._announced or self._clocks() == (False, True):
                         return
@@ -157,6 +152,26 @@ class Recorder(SimulationNode):
                 self._finish()
 
         return write
+
+    def _make_filter(self, topic: str) -> Callable[[bytes], bool] | None:
+        """Test for messages of this machine, on topics that others in ROS publish on, too.
+
+        Theirs have times of another clock, and would count as messages of this run.
+        """
+        if topic == self.resolve_topic_name('joint_states'):
+            names = [name.encode() for name in self.machine.physics.coordinates]
+            return lambda data: _names_of(data) == names
+        if topic not in map(self.resolve_topic_name, ('/tf', '/tf_static')):
+            return None
+        links = [self.frame(body.name).encode() for body in self.machine.mechanism.bodies]
+        parents, joint = {self.frame(WORLD).encode(), *links}, self.frame('joint/').encode()
+
+        def is_ours(data: bytes) -> bool:
+            parent, end = _text(data, _FRAME_IN_ARRAY)
+            child, _ = _text(data, end)
+            return parent in parents and (child in links or child.startswith(joint))
+
+        return is_ours
 
     def _put(self, topic: str, data: bytes, now: int) -> None:
         if self.writer.write(topic, data, now) == self._due.get(topic):
@@ -279,8 +294,24 @@ class Recorder(SimulationNode):
         super().destroy_node()
 
 
+def _text(data: bytes, start: int) -> tuple[bytes, int]:
+    """The text at a byte of a message, and where the next field of 4 bytes or a text begins."""
+    end = start + 4 + int.from_bytes(data[start : start + 4], 'little')
+    return data[start + 4 : end - 1], end + -end % 4
+
+
+def _names_of(data: bytes) -> list[bytes]:
+    """Names of a JointState, behind its header."""
+    _, end = _text(data, _FRAME)
+    count, names = int.from_bytes(data[end : end + 4], 'little'), list[bytes]()
+    end += 4
+    while len(names) < count and end < len(data):
+        name, end = _text(data, end)
+        names.append(name)
+    return names
+
+
 def _run_of(data: bytes) -> int:
     """Number of the run of a message, behind its header."""
-    end = 16 + int.from_bytes(data[12:16], 'little')  # end of the frame's name
-    end += -end % 4
+    _, end = _text(data, _FRAME)
     return int.from_bytes(data[end : end + 4], 'little')

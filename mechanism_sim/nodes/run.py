@@ -44,33 +44,21 @@ LOOK = 0.02
 
 @dataclass(frozen=True)
 class NodePlan:
-    """Plan of a run.
-
-    Attributes
-    ----------
-    scene : name or path of the scene, as given
-    overrides : ``PATH=VALUE`` each
-    duration : length of the run [s]
-    record : bag to write, if any
-    paused : begin paused, to be played or stepped by services of the drive
-    hold : pause at the end instead of ending
-    ros_args : ``--ros-args ...``: names, remaps and parameters in the syntax of ROS
-    display : publish topics for viewers
-    listeners : other nodes that must receive all messages
-    """
+    """Plan of a run."""
 
     machine: Machine
-    scene: str
-    overrides: Sequence[str]
-    duration: float
-    record: str | None = None
+    scene: str  #: name or path of the scene, as given
+    overrides: Sequence[str]  #: ``PATH=VALUE`` each
+    duration: float  #: length of the run [s]
+    record: str | None = None  #: bag to write, if any
     overwrite: bool = False
     realtime_factor: float = 0.0
-    paused: bool = False
-    hold: bool = False
+    paused: bool = False  #: begin paused, to be played or stepped by services of the drive
+    hold: bool = False  #: pause at the end instead of ending
+    #: ``--ros-args ...``: names, remaps and parameters in the syntax of ROS
     ros_args: Sequence[str] = ()
-    display: bool = False
-    listeners: Sequence[str] = ()
+    display: bool = False  #: publish topics for viewers
+    listeners: Sequence[str] = ()  #: other nodes that must receive all messages
 
     @property
     def nodes(self) -> list[str]:
@@ -297,20 +285,13 @@ def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
 
 
 class Monitor(SimulationNode):
-    """Monitor of the progress of all partners; no node waits for it.
-
-    Attributes
-    ----------
-    time : time reached by every partner [s]
-    impacts : number of impacts published so far
-    run_time : wall time since the first progress of the run [s]
-    """
+    """Monitor of the progress of all partners; no node waits for it."""
 
     def __init__(self, parameters: Sequence[Parameter] = (), show: Show | None = None) -> None:
         super().__init__('monitor', parameters)
-        self.time = 0.0
-        self.impacts = 0
-        self.run_time = 0.0
+        self.time = 0.0  #: time reached by every partner [s]
+        self.impacts = 0  #: number of impacts published so far
+        self.run_time = 0.0  #: wall time since the first progress of the run [s]
         self._show = show
         self._shown = 0.0
         self._heard = time.monotonic()

@@ -42,12 +42,6 @@ class SimulationNode(DescribedNode):
     and after. A node is `done` when it has nothing left to do. Messages received while it is not
     `active` are queued.
 
-    Attributes
-    ----------
-    partners : other nodes of the run
-    after_report : callback after a progress report of a partner
-    first_heard : arrival of the run's first message, by ``time.monotonic`` [s]
-
     Raises
     ------
     InputError
@@ -62,7 +56,7 @@ class SimulationNode(DescribedNode):
         self._once_ready: list[Future] = []  # futures of `until_ready`
         self.active = True
         self.counts: Counter[str] = Counter()
-        self.partners = Partners(self)
+        self.partners = Partners(self)  #: other nodes of the run
         self.declare_frames()
         self._content = Content.declare(self)
         self.add_on_set_parameters_callback(self._judge_content)
@@ -71,7 +65,9 @@ class SimulationNode(DescribedNode):
         self._soon: float | None = None
         self._early: list[tuple[Callable[[Any], None], Any]] = []
         self._reported, self._finished = 0.0, False
+        #: arrival of the run's first message, by ``time.monotonic`` [s]
         self.first_heard: float | None = None
+        #: callback after a progress report of a partner
         self.after_report: Callable[[], None] = lambda: None
 
     @property

@@ -57,8 +57,12 @@ class LeadingDrive:
             'Drive whose time this one follows, as /crank_drive; set where machines are spawned'
         )
         self.name = node.declare('leader', '', about, read_only=True)
+        about = (
+            'Number of its run when this machine was spawned; negative: the first that is heard'
+        )
+        self._first = node.declare('leader_run', -1, about, read_only=True)
         self.time, self.finished, self.run = 0.0 if self.name else math.inf, False, 0
-        self._node, self._first, self.followed = node, -1, False
+        self._node, self.followed = node, False
         if self.name:
             space, _, self._short = self.name.rpartition('/')
             self._topic = f'{space}/progress'
@@ -91,26 +95,17 @@ class LeadingDrive:
 
 @dataclass
 class Spawned:
-    """A spawned machine.
+    """A spawned machine."""
 
-    Attributes
-    ----------
-    uri : scene of the machine
-    namespace : namespace of its nodes
-    run : number of the requested run
-    heard_run : number of its present run; -1 before its first report
-    time : time reached [s]
-    """
-
-    uri: str
-    namespace: str
+    uri: str  #: scene of the machine
+    namespace: str  #: namespace of its nodes
     integrator: str
     process: subprocess.Popen[bytes]
     transform: Any
     heard: Any
-    run: int = 0
-    heard_run: int = -1
-    time: float = 0.0
+    run: int = 0  #: number of the requested run
+    heard_run: int = -1  #: number of its present run; -1 before its first report
+    time: float = 0.0  #: time reached [s]
 
     @property
     def began(self) -> bool:
@@ -260,6 +255,8 @@ class Spawning:
             sys.executable, '-m', 'mechanism_sim', 'run', uri, '--namespace', space,
             '--duration', repr(drive.duration),
             '--ros-args', '-p', f'leader:={drive.get_fully_qualified_name()}',
+            # The leader may begin another run before this machine hears it.
+            '-p', f'leader_run:={drive.run}',
         ]  # fmt: skip
         process = process_exit.start(command, stdout=subprocess.DEVNULL)
 

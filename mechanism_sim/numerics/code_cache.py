@@ -12,8 +12,8 @@ from __future__ import annotations
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -52,8 +52,12 @@ def folder() -> Path | None:
             return None
         found.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = found.resolve()
-        if not chosen and found.name == FOLDER and _is_open_to_others(found):
-            _remove_code(found)
+        known = found.stat()
+        open_ = known.st_uid == os.geteuid() and _is_shared(known)
+        if not chosen and found.name == FOLDER and open_:
+            _remove_data_base(found)
+            for kernels in found.glob('kernels-*'):
+                shutil.rmtree(kernels, ignore_errors=True)
             found.chmod(0o700)
         if belongs_to_nobody_else(found):
             return found
@@ -81,11 +85,6 @@ def belongs_to_nobody_else(path: Path) -> bool:
             for i, found in enumerate(known)
         )
     return False
-
-
-def _is_open_to_others(path: Path) -> bool:
-    found = path.stat()
-    return found.st_uid == os.geteuid() and _is_shared(found)
 
 
 def _is_shared(found: os.stat_result) -> bool:
@@ -152,25 +151,17 @@ def compiled(make: Callable[[], T]) -> T:
     heyoka checks the structure of its data base, and LLVM that of the code in it, when it is read.
     """
     bound_cache()
-    with _all_threads():
-        try:
-            return make()
-        except (RuntimeError, ValueError):
-            found = folder()
-            if found is None or not llvm_state.get_diskcache_enabled():
-                raise
-            llvm_state.set_diskcache_enabled(False)
-            made = make()  # if it is no fault of the cache, that fails, too
-            _remove_data_base(found)
-            return made
-
-
-@contextmanager
-def _all_threads() -> Iterator[None]:
-    """Let heyoka compile parts of one function side by side."""
-    set_nthreads(_THREADS)
+    set_nthreads(_THREADS)  # parts of one function side by side
     try:
-        yield
+        return make()
+    except (RuntimeError, ValueError):
+        found = folder()
+        if found is None or not llvm_state.get_diskcache_enabled():
+            raise
+        llvm_state.set_diskcache_enabled(False)
+        made = make()  # if it is no fault of the cache, that fails, too
+        _remove_data_base(found)
+        return made
     finally:
         set_nthreads(1)
 
@@ -179,10 +170,3 @@ def _remove_data_base(path: Path) -> None:
     for file in path.glob('cache.db*'):
         with suppress(OSError):
             file.unlink()
-
-
-def _remove_code(path: Path) -> None:
-    """Delete the code in a folder."""
-    _remove_data_base(path)
-    for kernels in path.glob('kernels-*'):
-        shutil.rmtree(kernels, ignore_errors=True)

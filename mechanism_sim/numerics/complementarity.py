@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.numerics.kernels import entry, kernel
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -516,8 +516,8 @@ def _settle(
 
 @kernel
 def _directions(
-    problem: FrictionalProblem, free: Indices, inside: NDArray[np.bool_], grips: Indices
-) -> tuple[Indices, NDArray[np.bool_]]:
+    problem: FrictionalProblem, free: Indices, inside: Mask, grips: Indices
+) -> tuple[Indices, Mask]:
     """Signs (m,) of the slips of a basis, and which contacts stick; enters their grips.
 
     Parameters
@@ -546,9 +546,9 @@ def _directions(
 @kernel
 def _columns(
     problem: FrictionalProblem,
-    inside: NDArray[np.bool_],
+    inside: Mask,
     direction: Indices,
-    sticks: NDArray[np.bool_],
+    sticks: Mask,
     x: Array,
 ) -> tuple[Array, Indices]:
     """Columns (2m, k) of the impulses of a basis, and the rows (k,) that they keep at zero.
@@ -582,7 +582,7 @@ def _columns(
 @kernel
 def _holds(
     problem: FrictionalProblem,
-    pressed: NDArray[np.bool_],
+    pressed: Mask,
     direction: Indices,
     x: Array,
     grips: Indices,

@@ -20,9 +20,8 @@ from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.expressions import ExpressionNode, numbers, tree_of
 from mechanism_sim.numerics.kernels import kernel
@@ -494,7 +493,7 @@ class FunctionRanges:
 
     def __call__(
         self, motion: MotionSeries, begin: Array, width: float
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Array, Mask]:
         """Values in the middles of parts, lower bounds in them, and masks of monotonic parts.
 
         Each (g, N), of parts of a width from 0 to 1. The bound is below all values; it lies at

@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array, joined, some
+from mechanism_sim.arrays import Array, IndexArray, Mask, joined, some
 from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
+    Times,
     chebyshev_coefficients,
     chebyshev_nodes,
 )
@@ -30,7 +31,7 @@ _ROUNDING = TOLERANCES.rounding
 
 Functions = Callable[[Array], Array]
 _Glance = Callable[[slice], Array]
-Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
+Values = Callable[[IndexArray, Times], Array]
 
 
 _COUNT = 12  # nodes: enough for a step of a Taylor method, a third of the radius of convergence
@@ -54,8 +55,8 @@ _MOST = 16  # intervals that are halved at once
 class _Pairs(NamedTuple):
     """Intervals in each of which one function may exceed what was found so far."""
 
-    row: NDArray[np.intp]  #: index of the height: functions, then the functions negated
-    interval: NDArray[np.intp]
+    row: IndexArray  #: index of the height: functions, then the functions negated
+    interval: IndexArray
 
 
 class _Intervals(NamedTuple):
@@ -63,7 +64,7 @@ class _Intervals(NamedTuple):
 
     a: Array  #: (K,) starts [s]
     b: Array  #: (K,) ends [s]
-    wanted: NDArray[np.bool_]  #: (2 C, K) mask of heights that may be exceeded there
+    wanted: Mask  #: (2 C, K) mask of heights that may be exceeded there
     error: Array  #: (C, K) errors of the interpolants before the last halving
     stalled: NDArray[np.int8]  #: (C, K) number of successive halvings without improvement
     bound: Array  #: (2 C, K) upper bounds of the heights
@@ -184,7 +185,7 @@ class ExtremeSearch:
         start: Array,
         end: Array,
         glance: _Glance | None = None,
-        alike: NDArray[np.intp] | None = None,
+        alike: IndexArray | None = None,
     ) -> None:
         """Look through intervals (m,) [s], ends included, on each of which all is smooth.
 
@@ -230,9 +231,7 @@ class ExtremeSearch:
         bound = _bounds(c, _GRID[: len(_FEW), ::3], above, self._highest)
         return np.where(bound < seen[:, None], -np.inf, bound)
 
-    def _repeated(
-        self, values: Array, alike: NDArray[np.intp], shapes: Array
-    ) -> NDArray[np.bool_]:
+    def _repeated(self, values: Array, alike: IndexArray, shapes: Array) -> Mask:
         """Tell which heights (2 C, K) repeat those of an interval, by values (C, 5 K) at nodes.
 
         `shapes` (C, numbers, 5) has what is known of each number, and gets what is new.
@@ -304,9 +303,7 @@ class ExtremeSearch:
             self._top[rows], self._time[rows] = found[rows - first], t.ravel()[k[rows - first]]
         return values
 
-    def _possible(
-        self, c: Array, error: Array, wanted: NDArray[np.bool_]
-    ) -> tuple[_Pairs, Array, Array]:
+    def _possible(self, c: Array, error: Array, wanted: Mask) -> tuple[_Pairs, Array, Array]:
         """Candidates of higher values: places in [-1, 1], heights by the interpolants."""
         bound = _bounds(c, _GRID, 2.0 * error, self._highest)
         limit, count = self._limit, len(self._group)

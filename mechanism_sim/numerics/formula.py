@@ -8,7 +8,7 @@ flag is, so that an integrator can locate the instants at which they change.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
@@ -26,6 +26,9 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name i
 
 PERIODIC = 'sin', 'cos', 'tan'
 """Functions with a period of a turn of their argument."""
+
+_POINT = 1e-9
+"""Length [SI] of a vector of zeros, see `_length`."""
 
 _EMPTY = 10.0 * TOLERANCES.switches.margin
 """Of the size of a state and of the terms of x: up to there ``sqrt(max(x, 0))`` in the rate of a
@@ -120,6 +123,27 @@ def _terms(node: ExpressionNode) -> list[ExpressionNode]:
     return [t for x in node.args[1:] for t in _terms(x)] if node.kind == 'if' else [node]
 
 
+def _squared(node: ExpressionNode) -> list[ExpressionNode]:
+    """Bases of a sum of squares, as ``vx**2 + vy*vy``; empty for all else."""
+    match node.kind, node.args:
+        case '+', (a, b) if (left := _squared(a)) and (right := _squared(b)):
+            return left + right
+        case '**', (base, power) if power.value == 2.0:
+            return [base]
+        case '*', (a, b) if a == b:
+            return [a]
+    return []
+
+
+def _length(sides: Sequence[Any]) -> Any:
+    """Root of a sum of squares, with a slope where all are zero: drag of a body at rest.
+
+    A Taylor series has none at a root of 0: there it is the root of ``_POINT**2``, which is lost
+    in rounding from 0.1 m/s on.
+    """
+    return hy.sqrt(reduce(operator.add, [x * x for x in sides], hy.expression(_POINT**2)))
+
+
 class _Builder:
     """Makes expressions of the nodes of a formula's tree."""
 
@@ -151,6 +175,8 @@ class _Builder:
                 return _BINARY[node.kind](self.value(args[0]), self.value(args[1]))
             case '**' if 0.0 < args[1].value < 1.0 and (inner := self._at_least_none(args[0])):
                 return self._root(inner, args[1].value)
+            case '**' if args[1].value == 0.5 and (sides := _squared(args[0])):
+                return _length([self.value(x) for x in sides])
             case '**':
                 return self._power(self.value(args[0]), args[1].value)
             case 'if':
@@ -219,7 +245,9 @@ class _Builder:
         if name in self._words.tables:
             return self._words.tables[name](x)
         if name == 'hypot':
-            return hy.sqrt(reduce(operator.add, [x * x for x in args]))
+            return _length(args)
+        if name == 'sqrt' and (sides := _squared(node.args[0])):
+            return _length([self.value(x) for x in sides])
         return FUNCTIONS[name](x)
 
     def _condition(self, node: ExpressionNode) -> Any:

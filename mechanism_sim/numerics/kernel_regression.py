@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 
 _LENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # over the median distance of two samples
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
@@ -70,7 +69,7 @@ class KernelRegression:
         return np.asarray(self._origin + self._scale * predicted)
 
     def interval(
-        self, x: Array, level: float = 0.95, among: NDArray[np.intp] | None = None
+        self, x: Array, level: float = 0.95, among: IndexArray | None = None
     ) -> tuple[float, float]:
         """Interval of y at x (p,) with the true value in a share `level` of cases (jackknife+).
 

@@ -19,9 +19,8 @@ from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array, ComplexArray
+from mechanism_sim.arrays import Array, ComplexArray, IndexArray
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import Kernel, entry
@@ -135,7 +134,7 @@ class ModalResponse(NamedTuple):
     terms: Indices  #: (N,) number of terms of `forced` that are not zero
     free: Array  #: (k, 2 outputs, N) real and imaginary parts of each output
 
-    def __call__(self, pieces: NDArray[np.intp], t: Array) -> Array:
+    def __call__(self, pieces: IndexArray, t: Array) -> Array:
         """Outputs (outputs, M) at times `t` (M,) [s] after the start of given pieces (M,)."""
         h = self.durations[pieces]
         x = np.divide(t, h, out=np.zeros_like(t), where=h > 0.0)
@@ -145,7 +144,7 @@ class ModalResponse(NamedTuple):
         self._add_free(pieces, t, y)
         return y
 
-    def _add_free(self, pieces: NDArray[np.intp], t: Array, y: Array) -> None:
+    def _add_free(self, pieces: IndexArray, t: Array, y: Array) -> None:
         """Add ``Re(free e^(p t))`` to `y` (outputs, M), in half of the time that NumPy takes.
 
         Whole vectors are computed, for heyoka rounds in another way what is left over of them.

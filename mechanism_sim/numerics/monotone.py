@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.quadrature import Parts, Values
 from mechanism_sim.tolerances import TOLERANCES
@@ -37,7 +36,7 @@ _NEWTON, _BISECTIONS = 6, 52
 class Monotone(NamedTuple):
     """P parts in the order of time; those of a segment in order."""
 
-    segment: NDArray[np.intp]  #: (P,) indices of the segments
+    segment: IndexArray  #: (P,) indices of the segments
     begin: Array  #: (P,) start [s] of the polynomial's interval in its segment
     width: Array  #: (P,) duration [s] of that interval
     low: Array  #: (P,) position in [-1, 1] where the part begins
@@ -53,7 +52,7 @@ class Monotone(NamedTuple):
         """Durations (P,) [s] of the parts."""
         return np.asarray(0.5 * self.width * (self.high - self.low))
 
-    def crossings(self, level: float, of: NDArray[np.intp]) -> Array:
+    def crossings(self, level: float, of: IndexArray) -> Array:
         """Positions in [-1, 1] at which some of the parts cross a level."""
         a, b = self.low[of], self.high[of]
         rises, series = self.last[of] > self.first[of], self.series[of]
@@ -140,8 +139,8 @@ def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monoto
 
 
 def _series(
-    values: Values, segment: NDArray[np.intp], begin: Array, width: Array
-) -> tuple[Array, Array, NDArray[np.intp]]:
+    values: Values, segment: IndexArray, begin: Array, width: Array
+) -> tuple[Array, Array, IndexArray]:
     """Coefficients (K, n), largest magnitudes (K,), and numbers of finite values (K,)."""
     dt = begin[:, None] + width[:, None] * _PLACES
     with np.errstate(invalid='ignore', over='ignore'):
@@ -154,7 +153,7 @@ def _series(
     return series, np.abs(x).max(axis=1, initial=0.0), finite.sum(axis=1)
 
 
-def _cut(segment: NDArray[np.intp], begin: Array, width: Array, series: Array) -> Monotone:
+def _cut(segment: IndexArray, begin: Array, width: Array, series: Array) -> Monotone:
     """Cut polynomials where they are extreme, found on a grid and then by Newton's method."""
     dense = series @ _ON_GRID
     slope = np.diff(dense, axis=1)

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array, of_one_width
+from mechanism_sim.arrays import Array, IndexArray, of_one_width
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.kernels import charge, entry
 
@@ -74,6 +74,10 @@ class Nodes:
         return np.concatenate([values, rates]).T.copy()
 
 
+Times: TypeAlias = 'Array | Nodes'
+"""Times [s] since the starts of segments."""
+
+
 @dataclass(frozen=True)
 class PiecewisePolynomial:
     """n functions of time on m consecutive segments, each a polynomial of degree d.
@@ -107,7 +111,7 @@ class PiecewisePolynomial:
         """End of the last segment [s]."""
         return float(self.start[-1] + (self.start_low[-1] + self.duration[-1]))
 
-    def locate(self, t: Array) -> NDArray[np.intp]:
+    def locate(self, t: Array) -> IndexArray:
         """Index of the segment that holds each time; at a boundary the later one.
 
         Times outside of the segments by more than rounding are refused.
@@ -128,19 +132,19 @@ class PiecewisePolynomial:
         """Rounding of times [s]."""
         return 4.0 * float(np.spacing(max(abs(self.end), 1e-300)))
 
-    def begun_by(self, t: Sequence[float] | Array) -> NDArray[np.intp]:
+    def begun_by(self, t: Sequence[float] | Array) -> IndexArray:
         """Index of the first segment that begins at each time [s]; of an event the one after it.
 
         ``len(self)`` at the end, where none begins any more.
         """
         times = np.asarray(t, dtype=float)
-        found: NDArray[np.intp] = np.searchsorted(self.start, times - self._slack)
+        found: IndexArray = np.searchsorted(self.start, times - self._slack)
         if not len(self._after_no_time):
             return found
         return np.asarray(self._after_no_time[found], np.intp)
 
     @cached_property
-    def _after_no_time(self) -> NDArray[np.intp]:
+    def _after_no_time(self) -> IndexArray:
         """Indices of each segment, or of the one behind it (m + 1,); empty if all are themselves.
 
         Where a step happens to end at an event but for rounding, the next finds it at once: a
@@ -167,21 +171,21 @@ class PiecewisePolynomial:
         known = first < last
         return first[known], last[known]
 
-    def times(self, segment: NDArray[np.intp], dt: Array) -> Array:
+    def times(self, segment: IndexArray, dt: Array) -> Array:
         """Times (N,) [s] from times (N,) [s] since the starts of segments (N,)."""
         return np.asarray(self.start[segment] + (self.start_low[segment] + dt))
 
-    def find(self, t: Array) -> tuple[NDArray[np.intp], Array]:
+    def find(self, t: Array) -> tuple[IndexArray, Array]:
         """Segments that hold times `t` (N,) [s], as `locate`, and times since their starts [s]."""
         k = self.locate(t)
         return k, (t - self.start[k]) - self.start_low[k]
 
-    def within(self, t: Array) -> tuple[NDArray[np.intp], Array]:
+    def within(self, t: Array) -> tuple[IndexArray, Array]:
         """Segments (K,) that hold rows of times (K, n) [s], and the times since their starts."""
         k = self.locate(t[:, t.shape[1] // 2])
         return k, (t - self.start[k, None]) - self.start_low[k, None]
 
-    def at(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
+    def at(self, segment: IndexArray, dt: Times, derivative: int = 0) -> Array:
         """Value of a derivative at times `dt` after the start of given segments.
 
         Parameters
@@ -199,18 +203,16 @@ class PiecewisePolynomial:
             out += TWO_PI * self.turns_at(segment, dt)
         return out
 
-    def turns_at(self, segment: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.int64]:
+    def turns_at(self, segment: IndexArray, dt: Times) -> NDArray[np.int64]:
         """Whole turns that `local` leaves out, for each instant of `at`."""
         each = len(dt) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
         return np.repeat(self.turns[segment], each, axis=0)
 
-    def local(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
+    def local(self, segment: IndexArray, dt: Times, derivative: int = 0) -> Array:
         """Values without whole turns, so that angles keep their last digits."""
         return self.locals(segment, dt, (derivative,))[0]
 
-    def locals(
-        self, segment: NDArray[np.intp], dt: Array | Nodes, derivatives: Sequence[int]
-    ) -> list[Array]:
+    def locals(self, segment: IndexArray, dt: Times, derivatives: Sequence[int]) -> list[Array]:
         """Several derivatives without whole turns; coefficients are gathered once."""
         n, count = self.coefficients.shape[1:]
         if isinstance(dt, Nodes):
@@ -247,7 +249,7 @@ class PiecewisePolynomial:
         charge(perf_counter() - began)
         return [out.reshape(n, -1).T for out in outs]
 
-    def at_nodes(self, segment: NDArray[np.intp], nodes: Nodes) -> tuple[Array, Array]:
+    def at_nodes(self, segment: IndexArray, nodes: Nodes) -> tuple[Array, Array]:
         """Values and rates (n, N K) as `local` gives them, by one matrix product for each of n.
 
         Powers of the durations go into the coefficients, powers of the fractions into the matrix.

@@ -25,10 +25,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array, joined, some
+from mechanism_sim.arrays import Array, IndexArray, Mask, joined, some
 from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
+    Times,
     double_exponential_nodes,
     gauss_nodes,
 )
@@ -37,7 +38,7 @@ from mechanism_sim.tolerances import TOLERANCES
 _QUADRATURE = TOLERANCES.quadrature
 _ROUNDING = TOLERANCES.rounding
 
-Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
+Values = Callable[[IndexArray, Times], Array]
 """Functions (C, K n) in K segments at times (K, n) [s] after their starts, or at n `Nodes`."""
 
 
@@ -64,10 +65,10 @@ class Integrals(NamedTuple):
 class Parts(NamedTuple):
     """m intervals, each within one segment of a motion."""
 
-    segment: NDArray[np.intp]  #: (m,) indices of the segments
+    segment: IndexArray  #: (m,) indices of the segments
     begin: Array  #: (m,) start [s] since that of the segment
     end: Array  #: (m,) end [s] since the start of the segment
-    whole: NDArray[np.bool_]  #: (m,) whether the interval is the whole segment
+    whole: Mask  #: (m,) whether the interval is the whole segment
 
 
 def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = np.inf) -> Parts:
@@ -207,7 +208,7 @@ ASSUMED = Assumptions()
 def integrate(
     values: Values,
     parts: Parts,
-    powers: NDArray[np.bool_] | None = None,
+    powers: Mask | None = None,
     largest: Array | None = None,
     beside: Array | None = None,
     assumed: Assumptions = ASSUMED,
@@ -249,7 +250,7 @@ def integrate(
     scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
     scale = scale if beside is None else np.maximum(scale, beside)
 
-    def allowed(x: _Applied, interval: NDArray[np.intp], share: Array, width: Array) -> Array:
+    def allowed(x: _Applied, interval: IndexArray, share: Array, width: Array) -> Array:
         own = relative * x.size + _QUADRATURE.negligible * scale[:, interval] * width
         return np.asarray(own + _QUADRATURE.corner * relative * share[:, interval])
 
@@ -302,7 +303,7 @@ def _confirmed(
     whole: _Applied,
     values: Values,
     parts: Parts,
-    powers: NDArray[np.bool_],
+    powers: Mask,
     smooth: Rule,
     limit: Array,
 ) -> _Applied:
@@ -357,9 +358,9 @@ class _Applied(NamedTuple):
         return self._replace(error=np.maximum(sharp, self.missed))
 
 
-def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule) -> _Applied:
+def _apply(values: Values, parts: Parts, powers: Mask, smooth: Rule) -> _Applied:
     """Apply its own rule to each interval."""
-    found: list[tuple[NDArray[np.intp], _Applied]] = []
+    found: list[tuple[IndexArray, _Applied]] = []
     for rule, of_rule in ((smooth, ~powers), (POWERS, powers)):
         for at_nodes in (True, False):
             every = np.flatnonzero(of_rule & (parts.whole == at_nodes))
@@ -367,7 +368,7 @@ def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule
                 which = every[first : first + _BLOCK]
                 own = some(parts, which)
                 width = own.end - own.begin
-                places: Array | Nodes = rule.places
+                places: Times = rule.places
                 if not at_nodes:
                     inside = width[:, None] * np.array(rule.places.fractions)
                     places = own.begin[:, None] + inside
@@ -419,7 +420,7 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
     return _Applied(width * value.reshape(shape), width * mean, mean, *rest)
 
 
-def _gathered(interval: NDArray[np.intp], x: NDArray[Any], shape: tuple[int, ...]) -> Array:
+def _gathered(interval: IndexArray, x: NDArray[Any], shape: tuple[int, ...]) -> Array:
     """Sums (C, m) over the parts (C, K) of each interval."""
     found = np.zeros((shape[1], shape[0]))
     np.add.at(found, interval, x.T)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mechanism_sim.arrays import Array, ComplexArray
+from mechanism_sim.arrays import Array, ComplexArray, Mask
 from mechanism_sim.tolerances import TOLERANCES
 
 _HARMONICS = TOLERANCES.harmonics
@@ -101,7 +101,7 @@ def separated(poles: ComplexArray) -> ComplexArray:
     return np.append(found, rest)
 
 
-def _cluster(poles: ComplexArray) -> tuple[NDArray[np.bool_], complex, float] | None:
+def _cluster(poles: ComplexArray) -> tuple[Mask, complex, float] | None:
     """Largest cluster of poles too near to each other, if any; its centre and radius."""
     sizes = np.abs(poles)
     for m in range(len(poles), 1, -1):

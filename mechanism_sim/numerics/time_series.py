@@ -19,9 +19,8 @@ from typing import NamedTuple
 import heyoka as hy
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.numerics import compiled, formula
 from mechanism_sim.numerics.expressions import ExpressionNode
@@ -194,7 +193,7 @@ class TimeSeries:
                 break
         return flags, terms
 
-    def _ends(self, terms: Array, halves: Array) -> NDArray[np.bool_]:
+    def _ends(self, terms: Array, halves: Array) -> Mask:
         """True where series (1 + guards, `_KNOWN`) converge within durations (k,) [s]."""
         if not np.isfinite(terms).all():
             return np.zeros(len(halves), bool)

@@ -22,32 +22,22 @@ TURN, SLOWEST = 4.0, 1e-3
 
 @dataclass(frozen=True)
 class Control:
-    """A value that a slider sets.
+    """A value that a slider sets."""
 
-    Attributes
-    ----------
-    path : path in the scene; outside of it, the name of the parameter
-    unit : unit of display, of all limits and values here
-    scale : value in this unit of 1 in SI units
-    effect : effect on the present run, or by a restart
-    owner, parameter : node and parameter that are set; with a restart the scene's `path` is set
-    quantity : SI unit of the value in a scene
-    logarithmic : True if equal distances on the slider are equal ratios
-    """
-
-    path: str
+    path: str  #: path in the scene; outside of it, the name of the parameter
     label: str
-    unit: str
+    unit: str  #: unit of display, of all limits and values here
     low: float
     high: float
     step: float
     value: float
-    effect: Literal['now', 'restart']
-    scale: float = 1.0
+    effect: Literal['now', 'restart']  #: effect on the present run, or by a restart
+    scale: float = 1.0  #: value in this unit of 1 in SI units
+    #: node and parameter that are set; with a restart the scene's `path` is set
     owner: str = DRIVE
     parameter: str = ''
-    quantity: str = ''
-    logarithmic: bool = False
+    quantity: str = ''  #: SI unit of the value in a scene
+    logarithmic: bool = False  #: True if equal distances on the slider are equal ratios
 
     def to_json(self) -> dict[str, Any]:
         """Description for a page."""

@@ -39,17 +39,11 @@ Say = Callable[[str], None]
 
 
 class Member(NamedTuple):
-    """A run of a family.
+    """A run of a family."""
 
-    Attributes
-    ----------
-    value : value of the run with its unit, as its label
-    record : the run, from when on it is shown
-    place : (x, heights) on charts over the value; none where there is no such chart
-    """
-
-    value: str
-    record: Record
+    value: str  #: value of the run with its unit, as its label
+    record: Record  #: the run, from when on it is shown
+    #: (x, heights) on charts over the value; none where there is no such chart
     place: tuple[float, list[float]] | None = None
 
 

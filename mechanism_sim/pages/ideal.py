@@ -150,18 +150,12 @@ def _pieces(laws: Sequence[Law]) -> list[tuple[float, tuple[float, ...]]]:
 
 
 class PageDrive:
-    """The variable that a page is played over: the only drive, or the time if there are more.
-
-    Attributes
-    ----------
-    kinematics : closures with the driven coordinates held
-    coordinates : (n, N) coordinates over the range of the drives from the start
-    """
+    """The variable that a page is played over: the only drive, or the time if there are more."""
 
     def __init__(self, machine: Machine) -> None:
         plan = self._plan = machine.plan
         driven = [*plan.laws]
-        self.kinematics = plan.kinematics(driven)
+        self.kinematics = plan.kinematics(driven)  #: closures with the driven coordinates held
         self._q, self._timed = machine.assembly.q, len(driven) > 1
         self._slides = plan.main in plan.ideal.displacements
         start, size = float(self._q[self.kinematics.held[0]]), plan.ideal.size
@@ -195,6 +189,7 @@ class PageDrive:
                     break
                 last.append(q[:, 0])
             found += last[2:]
+        #: (n, N) coordinates over the range of the drives from the start
         self.coordinates = np.array(found).T
 
     def _values(self, t: Array) -> Array:

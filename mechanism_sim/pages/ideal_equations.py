@@ -22,19 +22,14 @@ PURPOSE = 'export --format html'
 
 
 class PageEquations:
-    """Closures, and the places of all moving links, of a mechanism without clearance.
-
-    Attributes
-    ----------
-    rows : the joint of every closure
-    """
+    """Closures, and the places of all moving links, of a mechanism without clearance."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         self._frames = Frames(mechanism.coordinates, Parameters())
         self._relations = closures(mechanism, mechanism.cut)
         jets = [(x.name, jet) for x in self._relations for jet in x.values(self._frames)]
-        self.rows = [name for name, _ in jets]
+        self.rows = [name for name, _ in jets]  #: the joint of every closure
         self._closures = [jet for _, jet in jets]
         self._places = [x for body in mechanism.bodies for x in self._pose(body.name)]
 

@@ -26,8 +26,7 @@ from mechanism_sim.scene.facts import value_at
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.units import alike, for_people, to_si_text, typeset
 
-_GUIDES = 'rail', 'slot'
-"""Kinds of shapes on which something slides."""
+_GUIDES = 'rail', 'slot'  # kinds of shapes on which something slides
 
 _STEP = 0.01  # step of a value, as a share of it or of the machine's size
 _LINEAR = 1e-8  # tolerance of straight lines, as a share of such a step
@@ -38,20 +37,14 @@ _MOVING = 'par:', 'point:'  # dimensions that rule the motion, or a path
 
 @dataclass(frozen=True)
 class Slider:
-    """A number of the scene that a page changes, in SI units.
+    """A number of the scene that a page changes, in SI units."""
 
-    Attributes
-    ----------
-    path : dotted; of a component of a point with ``.x`` or ``.y`` behind it
-    change : derivatives of the arrays of `dimensions` by its value
-    """
-
-    path: str
+    path: str  #: dotted; of a component of a point with ``.x`` or ``.y`` behind it
     value: float
     low: float
     high: float
     unit: str
-    change: Mapping[str, Array]
+    change: Mapping[str, Array]  #: derivatives of the arrays of `dimensions` by its value
 
     def to_json(self) -> dict[str, Any]:
         """Description for a page, with what `Control.to_json` has."""

@@ -19,8 +19,7 @@ from mechanism_sim.pages.recorded import PER_TURN
 
 MOST, FEWEST = 120, 12
 """Instants of a batch: however much time it spans, and however little."""
-_KEPT = 256
-"""Messages kept until they are requested; older ones are dropped."""
+_KEPT = 256  # messages kept until they are requested; older ones are dropped
 _ROUNDING = 1e-12  # of times: tolerance between successive messages
 _SLOWEST = 0.01  # [s] between instants where nothing turns
 _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen

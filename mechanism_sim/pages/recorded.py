@@ -34,23 +34,15 @@ _SEEN = 1500  # instants by which sizes are chosen
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A run as a page shows it.
-
-    Attributes
-    ----------
-    impacts : the hardest of them, in the order of time
-    hardest : impulse [N s] of the hardest; 0 if there is none
-    left_out : number of impacts not among them
-    away : share of the time in which a pin is shown more than `AWAY` from its place
-    """
+    """A run as a page shows it."""
 
     record: Record
     stage: Stage
     frames: StageFrames
-    impacts: list[Impact]
-    hardest: float
-    left_out: int
-    away: float
+    impacts: list[Impact]  #: the hardest of them, in the order of time
+    hardest: float  #: impulse [N s] of the hardest; 0 if there is none
+    left_out: int  #: number of impacts not among them
+    away: float  #: share of the time in which a pin is shown more than `AWAY` from its place
 
     def to_json(self) -> dict[str, Any]:
         """Plain data of the run; see `Stage.to_json`, `StageFrames.packed`."""

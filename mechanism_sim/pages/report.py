@@ -29,36 +29,22 @@ _OFTEN = 0.02  # share of the time
 
 
 class Family(NamedTuple):
-    """Runs of one machine that differ in one value, chosen by a slider.
+    """Runs of one machine that differ in one value, chosen by a slider."""
 
-    Attributes
-    ----------
-    label : label of the value
-    values : values with their units, one for each run
-    runs : the first is that of the page
-    curves : curves of all runs over time, see `curves.js`
-    places : positions of the runs, x and heights, on charts over the value
-    """
-
-    label: str
-    values: Sequence[str]
-    runs: Sequence[Recorded]
-    curves: Sequence[dict[str, Any]]
+    label: str  #: label of the value
+    values: Sequence[str]  #: values with their units, one for each run
+    runs: Sequence[Recorded]  #: the first is that of the page
+    curves: Sequence[dict[str, Any]]  #: curves of all runs over time, see `curves.js`
+    #: positions of the runs, x and heights, on charts over the value
     places: Sequence[tuple[float, list[float]]] = ()
 
 
 class ComparisonPage(NamedTuple):
-    """Other runs that a page compares its own with.
-
-    Attributes
-    ----------
-    names : names of all runs
-    scenes : keys that differ, and their values in all
-    """
+    """Other runs that a page compares its own with."""
 
     runs: Sequence[Recorded]
-    names: tuple[str, ...]
-    scenes: Mapping[str, tuple[str, ...]]
+    names: tuple[str, ...]  #: names of all runs
+    scenes: Mapping[str, tuple[str, ...]]  #: keys that differ, and their values in all
     differences: Sequence[Difference]
 
 

@@ -95,10 +95,6 @@ class Server:
     key : required end ``?key=`` of the address of a page, if any
     largest : bytes of a command
     name : name of the command, for messages
-
-    Attributes
-    ----------
-    port : port on which it listens
     """
 
     def __init__(
@@ -115,7 +111,7 @@ class Server:
         self._contents, self._greet, self._hear = contents, greet, hear
         self._read, self._key, self._largest = read or _command_of, key, largest
         self._socket = _listening(port, name)
-        self.port: int = self._socket.getsockname()[1]
+        self.port: int = self._socket.getsockname()[1]  #: port on which it listens
         self._pages: set[ServerConnection] = set()
         self._loop = asyncio.new_event_loop()
         self._end: asyncio.Event = asyncio.Event()

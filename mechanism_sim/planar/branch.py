@@ -14,16 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.tolerances import TOLERANCES
 
 _BRANCHES = TOLERANCES.branches
 _ROUNDING = TOLERANCES.rounding
-
-Mask = NDArray[np.bool_]
 
 
 _PAIRS = 12
@@ -75,7 +72,7 @@ class Branch:
         """The positions (n, N) themselves."""
         return self.at(np.zeros((len(self.width), 1)))[0][:, :, 0]
 
-    def __getitem__(self, chosen: Mask | NDArray[np.intp]) -> Branch:
+    def __getitem__(self, chosen: Mask | IndexArray) -> Branch:
         return Branch(self.found[chosen], self.width[chosen], self.coefficients[chosen])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -12,7 +13,7 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Weld
 from mechanism_sim.planar.protocols import Load, Relation, Wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
@@ -42,13 +43,27 @@ class Closure:
 
 
 @dataclass(frozen=True)
-class PrismaticClosure:
-    """A prismatic joint: the second link's point stays on the line, without rotation."""
+class _TurnlessClosure(ABC):
+    """A joint without rotation of its links on each other."""
 
     name: str
     mechanism: Mechanism
 
-    def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    @abstractmethod
+    def _directions(self, frames: Frames) -> tuple[JetPair, JetPair]:
+        """Directions of the second link's x axis: as the first link holds it, and as it is."""
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """The cosine of their angle: half a turn has the same sine as none."""
+        (ux, uy), (vx, vy) = self._directions(frames)
+        return [(ux * vx + uy * vy).value]
+
+
+@dataclass(frozen=True)
+class PrismaticClosure(_TurnlessClosure):
+    """A prismatic joint: the second link's point stays on the line, without rotation."""
+
+    def _normal(self, frames: Frames) -> JetPair:
         """Normal of the line, 90 degrees counterclockwise from its axis."""
         if foot := self._foot(frames):
             return foot.normal
@@ -83,8 +98,7 @@ class PrismaticClosure:
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 
-    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
-        """Directions of the second link's x axis: as the first link holds it, and as it is."""
+    def _directions(self, frames: Frames) -> tuple[JetPair, JetPair]:
         joint, foot = self._joint, self._foot(frames)
         at = None if foot else joint.on_first
         first = self.mechanism.direction(joint.first, joint.angle, at)
@@ -95,11 +109,6 @@ class PrismaticClosure:
             c, s = foot.cosine, foot.sine
             ux, uy = ux * c - uy * s, uy * c + ux * s
         return (ux, uy), held
-
-    def facing(self, frames: Frames) -> list[Term]:
-        """The cosine of that angle: half a turn has the same sine as none."""
-        (ux, uy), (vx, vy) = self._directions(frames)
-        return [(ux * vx + uy * vy).value]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """Force along the normal, and a moment; the rows push on the second link."""
@@ -120,14 +129,10 @@ def slid(mechanism: Mechanism, frames: Frames, guide: Prismatic) -> Jet:
 
 
 @dataclass(frozen=True)
-class WeldClosure:
+class WeldClosure(_TurnlessClosure):
     """A weld: points coincide, and cross-sections there keep their angle."""
 
-    name: str
-    mechanism: Mechanism
-
-    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
-        """Directions of the second link's x axis: as the first link holds it, and as it is."""
+    def _directions(self, frames: Frames) -> tuple[JetPair, JetPair]:
         m, j = self.mechanism, self.mechanism.joint(self.name)
         held = m.direction(j.first, j.angle if isinstance(j, Weld) else 0.0, j.on_first)
         own = m.direction(j.second, 0.0, j.on_second)
@@ -142,11 +147,6 @@ class WeldClosure:
         (ux, uy), (vx, vy) = self._directions(frames)
         size = dense(frames.parameters(f'{self.name}.size', self.mechanism.size))
         return [x, y, (ux * vy - uy * vx) * size]
-
-    def facing(self, frames: Frames) -> list[Term]:
-        """The cosine of that angle: half a turn has the same sine as none."""
-        (ux, uy), (vx, vy) = self._directions(frames)
-        return [(ux * vx + uy * vy).value]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """The rows push on the first link, and turn the second."""

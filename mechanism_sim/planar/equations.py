@@ -20,7 +20,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, add, mul
-from mechanism_sim.planar.frames import Frames, Parameters, rotate_quarter
+from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Spread, factors
 from mechanism_sim.planar.protocols import Gap, Relation, Wrench
@@ -92,7 +92,7 @@ class Equations:
                 k, n = scale.index(c), scale.count(c)
                 found.append(_Vector(frame, scale[:k] + scale[k + 1 :], (n * x, n * y)))
             elif frame == c:
-                found.append(_Vector(frame, scale, rotate_quarter((x, y))))
+                found.append(_Vector(frame, scale, (-y, x)))
         return found
 
     @staticmethod

@@ -18,10 +18,11 @@ import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
-from mechanism_sim.planar.points import GROUND, Point, Vector2, factors
+from mechanism_sim.planar.points import GROUND, Point, factors
 from mechanism_sim.planar.switches import Switch, SwitchTable, ToothTable
 
-Number: TypeAlias = 'Jet | hy.expression | float'
+JetPair: TypeAlias = 'tuple[Jet, Jet]'
+Number: TypeAlias = 'Jet | hy.expression | float | None'
 STATE = 'state:'
 """Prefix of the names of states of first order in `Frames.outside`."""
 
@@ -208,7 +209,7 @@ class Frames:
             return x, y
         return _turned(hy.cos(self.q[frame]), hy.sin(self.q[frame]), x, y)
 
-    def position(self, point: Point, label: str) -> tuple[Jet, Jet]:
+    def position(self, point: Point, label: str) -> JetPair:
         """World components [m] of a point; `label` names its parameters."""
         x: list[Jet] = []
         y: list[Jet] = []
@@ -219,7 +220,10 @@ class Frames:
                 arm = tuple(self.parameters(*each) for each in given)
                 turned = self.turned(frame, *arm)
             else:
-                arm = tuple(self._component(*each) for each in given)
+                arm = tuple(  # of a unit vector: ones need no parameter
+                    hy.expression(x) if abs(x) == 1.0 else self.parameters(axis, x)
+                    for axis, x in given
+                )
                 way = self.turned(frame, *arm)
                 scale = reduce(operator.mul, map(self.displacement, factors(slide)))
                 turned = scale * way[0], scale * way[1]
@@ -228,7 +232,7 @@ class Frames:
         zero = Jet(None, {}, None, None)
         return sum(x, zero), sum(y, zero)
 
-    def turned(self, frame: str, x: Term, y: Term) -> tuple[Jet, Jet]:
+    def turned(self, frame: str, x: Term, y: Term) -> JetPair:
         """World components of a vector that is fixed in a frame."""
         if frame == GROUND:
             return Jet(x, {}, None, None), Jet(y, {}, None, None)
@@ -260,10 +264,6 @@ class Frames:
             found += turn
         return found
 
-    def _component(self, name: str, value: float) -> Term:
-        """Component of a unit vector: ones need no parameter."""
-        return hy.expression(value) if abs(value) == 1.0 else self.parameters(name, value)
-
     def product(self, f: str, g: str, inner: Term, outer: Term) -> Term:
         """Scalar product of a in frame f and b in frame g.
 
@@ -286,11 +286,6 @@ class Frames:
 def _turned(c: Term, s: Term, x: Term, y: Term) -> tuple[Term, Term]:
     """``(c x - s y, s x + c y)``."""
     return add(mul(c, x), neg(mul(s, y))), add(mul(s, x), mul(c, y))
-
-
-def rotate_quarter(v: Vector2) -> Vector2:
-    """The vector rotated by +90 degrees: the derivative of R(theta) v."""
-    return -v[1], v[0]
 
 
 @dataclass(frozen=True)
@@ -414,4 +409,4 @@ def lift(x: Number) -> Jet:
     """A number or a parameter as a jet that does not move."""
     if isinstance(x, Jet):
         return x
-    return Jet(x if isinstance(x, hy.expression) else hy.expression(float(x)), {}, None, None)
+    return Jet(hy.expression(float(x)) if isinstance(x, int | float) else x, {}, None, None)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import partial
+from typing import Any
 
 import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
@@ -21,10 +22,23 @@ from mechanism_sim.planar.mechanism import (
 )
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.protocols import ForceLaw, Rubbing, Wrench, together
-from mechanism_sim.planar.view import Side
+from mechanism_sim.planar.view import Draft, Side
 
 
-class MeasuredGap:
+@dataclass(frozen=True, kw_only=True)
+class ContactGap:
+    """Behaviour of a contact, as in `Gap`."""
+
+    restitution: float
+    friction: float = 0.0
+    hypothesis: str = 'newton'
+    law: ForceLaw | None = None
+
+    def draw(self, _: Draft) -> None:
+        """Add what bounds the motion to a drawing: nothing, where the joint shows it."""
+
+
+class MeasuredGap(ContactGap):
     """A gap whose value is the distance itself."""
 
     def stretch(self, value: Term) -> Term:
@@ -43,18 +57,11 @@ class MeasuredGap:
 class FrictionlessGap(MeasuredGap):
     """A gap whose force is axial or a moment, without a force in the plane."""
 
-    friction: ClassVar[float] = 0.0
-
     def slip(self, _: Frames) -> Jet:
-        """Refuse: slips exist only for gaps with friction.
-
-        Raises
-        ------
-        NotImplementedError
-        """
+        """Refuse: slips exist only for gaps with friction."""
         raise NotImplementedError(f'{type(self).__name__} has no friction')
 
-    def normal(self, _: Frames) -> tuple[Jet, Jet]:
+    def normal(self, _: Frames) -> JetPair:
         """Normal in the plane: zero."""
         return lift(0.0), lift(0.0)
 
@@ -70,10 +77,6 @@ class Wall(MeasuredGap):
     closure: PairClosure
     side: Side
     play: float  #: c [m], clearance from the position of zero offset
-    restitution: float
-    friction: float = 0.0
-    hypothesis: str = 'newton'
-    law: ForceLaw | None = None
     touch: Rubbing | None = None  #: sliding contact of a wall with friction
 
     @property
@@ -107,7 +110,7 @@ class Wall(MeasuredGap):
         """1 while the wall has friction, 0 while a frictionless part holds; None if always."""
         return self.touch.engaged(frames) if self.touch else None
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Direction of the force of the wall."""
         pressed = self.wrench(frames, hy.expression(1.0), None)
         return lift(dense(pressed.x)), lift(dense(pressed.y))
@@ -123,11 +126,14 @@ class Wall(MeasuredGap):
 
 def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:
     """Name of a joint's wall: ``JOINT_left``, or ``JOINT.left`` if a joint has that name."""
-    return _name_of(mechanism, joint, side) if len(joint.sides) > 1 else joint.name
+    return gap_name(mechanism, joint, side) if len(joint.sides) > 1 else joint.name
 
 
-def _name_of(mechanism: Mechanism, joint: Joint, place: str) -> str:
-    """``JOINT_PLACE``; with a dot if another joint, or a gap of one, may be called so."""
+def gap_name(mechanism: Mechanism, joint: Joint, place: str) -> str:
+    """Name of the gap at a place of a joint, such as ``front_left`` or ``lower``.
+
+    ``JOINT_PLACE``; with a dot if another joint, or a gap of one, may be called so.
+    """
     plain, longer = f'{joint.name}_{place}', f'{joint.name}_'
     others = (j.name for j in mechanism.joints if j.name.startswith(longer))
     taken = any(plain == name or plain.startswith(f'{name}_') for name in others)
@@ -140,11 +146,6 @@ SIDES: tuple[tuple[str, Side], ...] = (
 """The corners of a block in its guide, by the direction of the guide's axis."""
 
 
-def corner_name(mechanism: Mechanism, joint: Prismatic, end: str, side: Side) -> str:
-    """Name of the gap at a corner of a block in a guide: ``JOINT_front_left`` and so on."""
-    return _name_of(mechanism, joint, f'{end}_{side}')
-
-
 ENDS = 'front', 'rear'
 """Ends of a bearing along its axis: that on the reader's side, and the other."""
 
@@ -153,18 +154,8 @@ STOPS = 'stop_front', 'stop_rear'
 """Axial stops of a bearing, which the first link meets moving towards the reader, or back."""
 
 
-def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:
-    """Name of a gap at an end of a bearing: ``JOINT_front`` and so on, ``JOINT_stop_front``."""
-    return _name_of(mechanism, joint, end)
-
-
 BOUNDS = 'lower', 'upper'
 """Limits of the motion of a joint."""
-
-
-def bound_name(mechanism: Mechanism, joint: Joint, bound: str) -> str:
-    """Name of the gap at a limit of a joint: ``JOINT_lower`` and so on."""
-    return _name_of(mechanism, joint, bound)
 
 
 def is_stop(joint: Joint, gap: str) -> bool:
@@ -207,13 +198,13 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
         If there is none.
     """
     for joint in mechanism.joints:
-        own = [joint.name, *(bound_name(mechanism, joint, bound) for bound in BOUNDS)]
+        own = [joint.name, *(gap_name(mechanism, joint, bound) for bound in BOUNDS)]
         if isinstance(joint, HigherPair):
             own += [wall_name(mechanism, joint, side) for side in joint.sides]
         if isinstance(joint, Prismatic):
-            own += [corner_name(mechanism, joint, *corner) for corner in SIDES]
+            own += [gap_name(mechanism, joint, '_'.join(corner)) for corner in SIDES]
         if isinstance(joint, Revolute):
-            own += [end_name(mechanism, joint, end) for end in (*ENDS, *STOPS)]
+            own += [gap_name(mechanism, joint, end) for end in (*ENDS, *STOPS)]
         if gap in own:
             return joint
     raise KeyError(gap)
@@ -226,21 +217,12 @@ def gaps_of(mechanism: Mechanism, joint: str, gaps: Iterable[str]) -> list[str]:
 
 
 def walls(
-    closure: PairClosure,
-    play: float,
-    restitution: float,
-    friction: float = 0.0,
-    hypothesis: str = 'newton',
-    law: ForceLaw | None = None,
-    pin_radius: float = 0.0,
+    closure: PairClosure, play: float, pin_radius: float, friction: float, **behaviour: Any
 ) -> list[Wall]:
     """All walls of a higher pair; `play` [m] is the clearance from the position of zero offset."""
     own = closure.joint.rubbing_wall if friction else None
     touch = closure.joint.touch(closure.mechanism, pin_radius) if friction and not own else None
     friction *= touch.share if touch else 1.0
-    return [
-        own(closure, side, play, restitution, friction, hypothesis, law, pin_radius=pin_radius)
-        if own
-        else Wall(closure, side, play, restitution, friction, hypothesis, law, touch)
-        for side in closure.joint.sides
-    ]
+    kind = partial(own, pin_radius=pin_radius) if own else partial(Wall, touch=touch)
+    sides = closure.joint.sides
+    return [kind(closure, side, play, friction=friction, **behaviour) for side in sides]

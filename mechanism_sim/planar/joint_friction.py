@@ -22,7 +22,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.protocols import Load, Wrench, moment_of, together
@@ -149,6 +149,8 @@ class JournalFriction(JointFriction):
 
     radius: float = 0.0  #: radius of the pin [m]
 
+    unit = 'N m'
+
     @property
     def _circle(self) -> float:
         """Radius of the friction circle [m]."""
@@ -158,11 +160,6 @@ class JournalFriction(JointFriction):
     def law(self) -> str:
         """Law of friction in words, by the force of the pin."""
         return f'|{{0}}| <= {self._circle:.6g} m times the force in {{1}}{_AGAINST}'
-
-    @property
-    def unit(self) -> str:
-        """A moment."""
-        return 'N m'
 
     @property
     def words(self) -> str:
@@ -224,12 +221,12 @@ class LineFriction(JointFriction):
         """True if the line belongs to the first-named link; that of a slot to the second."""
         return isinstance(self.joint, Prismatic)
 
-    def _direction(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
+    def _direction(self, frames: Frames, angle: float, what: str) -> JetPair:
         line = self.joint.line
         assert line is not None  # noqa: S101 - something slides along it
         return along(self.mechanism, frames, line, angle, f'{self.name}.{what}')
 
-    def _along(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _along(self, frames: Frames) -> JetPair:
         return self._direction(frames, 0.0, 'along')
 
     def slip(self, frames: Frames) -> Jet:

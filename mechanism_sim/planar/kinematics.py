@@ -14,9 +14,8 @@ from copy import copy
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
@@ -119,7 +118,7 @@ class Kinematics:
         values, slopes = self._closures.position(q, rows)
         return values.T, slopes.reshape(len(self.rows), n, count).transpose(2, 0, 1)
 
-    def faces(self, q: Array) -> NDArray[np.bool_]:
+    def faces(self, q: Array) -> Mask:
         """Mask (N,) of closed loops that are not half a turn, or half a slot, off."""
         facing = self._closures.facing
         return facing(q)[0].min(axis=0) > 0.0 if facing else np.ones(q.shape[1], bool)
@@ -208,7 +207,7 @@ class Kinematics:
         A = self.directions(q)
         return np.asarray(np.linalg.svd(A, compute_uv=False).min(axis=1, initial=1.0))
 
-    def nearly_singular(self, q: Array, below: float) -> NDArray[np.bool_]:
+    def nearly_singular(self, q: Array, below: float) -> Mask:
         """True if (N,) their `independence` is below a bound.
 
         The squares of all singular values add up to their number: if one of them is s, their

@@ -14,7 +14,7 @@ import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.points import Point, Vector2
 from mechanism_sim.planar.view import Draft
 
@@ -215,7 +215,7 @@ class Gap(Protocol):
         is friction.
         """
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Direction in which the first-named link presses on the second when closed."""
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
@@ -309,11 +309,11 @@ class Wrench(NamedTuple):
 
 
 def contact_wrench(
-    normal: tuple[Jet, Jet],
+    normal: JetPair,
     N: Term,
     T: Term,
     arm: Term = None,
-    place: tuple[Jet, Jet] | None = None,
+    place: JetPair | None = None,
 ) -> Wrench:
     """Wrench of a contact on the second-named link.
 

@@ -25,14 +25,12 @@ import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import dense, polynomial
 from mechanism_sim.planar.elastic import Beam
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import Mechanism, StraightLine
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.tolerances import TOLERANCES
 
 _MECHANISM = TOLERANCES.mechanism
-
-Pair = tuple[Jet, Jet]
 
 
 class Foot(NamedTuple):
@@ -41,11 +39,11 @@ class Foot(NamedTuple):
     away: Jet  #: [m] distance of the point from the line, to the left
     cosine: Jet  #: of the rail's direction there in its link's frame, with `sine`
     sine: Jet
-    way: Pair  #: unit vector along the line, in the world
+    way: JetPair  #: unit vector along the line, in the world
     slip: Jet  #: [m/s] velocity of the point along the rail, see `Gap.slip`
 
     @property
-    def normal(self) -> Pair:
+    def normal(self) -> JetPair:
         """Unit vector to the left of the line."""
         x, y = self.way
         return -y, x
@@ -66,7 +64,7 @@ class Rail:
     height: float  #: [m] offset to the left of the axis
     sense: float  #: 1 along the link's x axis, -1 against it
 
-    def foot(self, frames: Frames, point: Pair, label: str, thick: bool = False) -> Foot:
+    def foot(self, frames: Frames, point: JetPair, label: str, thick: bool = False) -> Foot:
         """Foot of a point of the world [m].
 
         Parameters
@@ -87,7 +85,7 @@ class Rail:
         amplitudes = [frames.displacement(f'{self.link}.{name}') for name in beam.names]
         zero = Jet(None, {}, None, None)
 
-        def bent(place: Jet) -> Pair:
+        def bent(place: Jet) -> JetPair:
             """Deflection and slope."""
             found = zero, zero
             for q, shape in zip(amplitudes[: beam.modes], shapes, strict=False):
@@ -131,7 +129,7 @@ def rail_of(mechanism: Mechanism, name: str, line: StraightLine) -> Rail | None:
 
 def along(
     mechanism: Mechanism, frames: Frames, line: StraightLine, angle: float, label: str
-) -> Pair:
+) -> JetPair:
     """The unit vector at an angle [rad] to a line that is straight, in the world."""
     return frames.position(mechanism.direction(line.link, line.axis + angle, line.on), label)
 

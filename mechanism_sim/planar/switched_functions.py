@@ -224,12 +224,7 @@ class Edges:
         return GuardRanges([(d, i) for d, i, _ in moving], timed, tuple(turns), ranges)
 
     def check(self, q: Array) -> None:
-        """Refuse coordinates (n, N) at rest, at time zero, where a switch has no row.
-
-        Raises
-        ------
-        RunError
-        """
+        """Refuse coordinates (n, N) at rest, at time zero, where a switch has no row."""
         if not self._bounded:
             return
         rest = np.zeros((len(q) + len(self.outside), q.shape[1]))

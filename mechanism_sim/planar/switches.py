@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.errors import RunError
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -182,7 +181,7 @@ class SwitchTable:
         """Values of the symbols in all rows (k, n)."""
         return self._values
 
-    def rows_at(self, places: Array) -> NDArray[np.intp]:
+    def rows_at(self, places: Array) -> IndexArray:
         """The rows (N,) at positions (N,) [rad, m]."""
         if self._periodic:
             first = self._breaks[0]
@@ -230,12 +229,7 @@ class SwitchTable:
         return not (self._periodic or self._endless)
 
     def check(self, places: Array) -> None:
-        """Refuse positions (N,) [rad, m] without a row, beyond rounding.
-
-        Raises
-        ------
-        RunError
-        """
+        """Refuse positions (N,) [rad, m] without a row, beyond rounding."""
         first, last = self._breaks[[0, -1]]
         beyond = np.maximum(first - places, places - last)
         if self.bounded and beyond.max(initial=0.0) > 2.0 * _SWITCHES.table_end * (last - first):
@@ -281,7 +275,7 @@ class ToothTable(SwitchTable):
         self.local = hy.atan2(y * c - x * s, x * c + y * s)
         self.guard = 1.0 - self.local * (0.5 * count / math.pi)
 
-    def rows_at(self, places: Array) -> NDArray[np.intp]:
+    def rows_at(self, places: Array) -> IndexArray:
         """Numbers (N,) of the teeth last passed by pawls at positions (N,) [rad]."""
         passed = (places + _SWITCHES.tooth) * (0.5 * self._count / math.pi)
         return np.floor(passed).astype(np.intp) % self._count

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import PairClosure
 from mechanism_sim.planar.protocols import Load, Wrench, moment_of
 
@@ -38,7 +38,7 @@ class Touch:
         j = self.closure.joint
         return ('first', j.first, j.on_first), ('second', j.second, j.on_second)
 
-    def _points(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+    def _points(self, frames: Frames) -> tuple[JetPair, JetPair]:
         m = self.closure.mechanism
         one, two = (
             frames.position(m.point(link, at), f'{self.name}.{which}')

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray, Mask
 from mechanism_sim.planar.points import LinkPoint, Vector2
 
 Kind = Literal[
@@ -120,7 +119,7 @@ class PairView(Protocol):
     def moment_on_first(self, centre: Array) -> Array:
         """Moment (N,) [N m] of the second-named on the first-named link, about points (2, N)."""
 
-    def gap(self, side: Side | None = None) -> tuple[Array, NDArray[np.bool_]] | None:
+    def gap(self, side: Side | None = None) -> tuple[Array, Mask] | None:
         """Distance (N,) [m] and closed mask (N,) of the joint's gap at a side."""
 
 
@@ -128,12 +127,12 @@ SLOT = 0.75
 """Half width of a drawn slot, in units of the drawing's symbols."""
 
 
-def complex_of(points: Array) -> NDArray[np.complex128]:
+def complex_of(points: Array) -> ComplexArray:
     """Points (..., 2) as complex numbers."""
     return np.asarray(points @ (1.0, 1.0j))
 
 
-def points_of(numbers: NDArray[np.complex128]) -> Array:
+def points_of(numbers: ComplexArray) -> Array:
     """Complex numbers as points (..., 2)."""
     return np.stack([numbers.real, numbers.imag], axis=-1)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from mechanism_sim.numerics.symbolic import Term, add, mul
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, JetPair
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.protocols import Load
 
 
-def located(load: Load, frames: Frames, mechanism: Mechanism) -> tuple[Jet, Jet]:
+def located(load: Load, frames: Frames, mechanism: Mechanism) -> JetPair:
     """World components of the point where a load acts [m]."""
     return frames.position(mechanism.point(load.link, load.at), load.name)
 

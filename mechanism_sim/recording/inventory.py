@@ -69,12 +69,7 @@ class BagInfo:
 
 
 def info(path: Path | str) -> BagInfo:
-    """Return what is in the bag at `path`.
-
-    Raises:
-        InputError: No such file, not an MCAP, or its index is damaged.
-
-    """
+    """Return what is in the bag at `path`."""
     bag = read_bag(path)
     topics = tuple(bag.topics.values())
     homes = scene_homes(topics)
@@ -131,10 +126,10 @@ def displacements(bag: Bag, namespace: str | None = None) -> frozenset[str] | No
 def scene_text(bag: Bag, namespace: str | None = None) -> str | None:
     """Return what the latched topic `scene` of a bag holds, None without one.
 
-    Args:
-        bag: The bag.
-        namespace: Of the machine, as 'left' or '/left'; the outermost scene by default.
-
+    Parameters
+    ----------
+    bag : the bag
+    namespace : of the machine, as 'left' or '/left'; the outermost scene by default
     """
     homes = scene_homes(bag.topics.values())
     own = [home for home in homes if f'{home}/'.startswith(prefix_of(namespace))]
@@ -265,10 +260,10 @@ def recover(path: Path | str) -> RecoveredBag:
     also of a bag that was closed; then the file as it was is kept under another name. A bag that
     is closed and sound is left alone.
 
-    Raises:
-        InputError: No such file, not an MCAP, or it is being recorded.
-        RunError: The disk is full or missing.
-
+    Raises
+    ------
+    RunError
+        The disk is full or missing.
     """
     file = file_of(path)
     with opened(file) as stream:

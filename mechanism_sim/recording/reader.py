@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mcap.records import Channel, Schema
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -36,6 +39,11 @@ from mechanism_sim.recording.writer import RECORDING, VERSION
 from ros_interfaces.checks import impossible_number
 
 _ZSTD = b'\x28\xb5\x2f\xfd'  # no CDR begins so
+_BETWEEN = re.compile(r'^(?:={80}\r?\nIDL: .*|#.*)$', re.MULTILINE)
+"""Lines of a definition in IDL that are none: before each of its files, and what they include.
+
+Source: rosbag2, docs/message_definition_encoding.md.
+"""
 
 _WRONG = (
     SerdeError, TypesysError, ZstdError, ValueError, KeyError, TypeError, IndexError,
@@ -44,6 +52,7 @@ _WRONG = (
 """Errors that messages and definitions raise that are not what they are said to be."""
 _READABLE = frozenset(map(str, range(VERSION + 1)))
 """Versions of bags, 0 for bags without one: read as far as their types are known."""
+_LATEST = 2**63 - 1  # [ns] of times in order; a damaged one may be later
 
 
 @dataclass(frozen=True)
@@ -137,15 +146,29 @@ class Bag:
 
         A message of ROS is an object with its fields; of JSON and protobuf a dictionary.
 
-        Args:
-            topics: Name or names of the requested topics; all of them by default.
-
-        Raises:
-            InputError: No such topic; from the iterator: a type that is not known here, or was
-                another when the bag was written.
-
+        Parameters
+        ----------
+        topics : name or names of the requested topics; all of them by default
         """
         return self._read_decoded(self._channels(topics))
+
+    def in_order_of_time(
+        self, topics: str | Iterable[str] | None = None
+    ) -> Iterator[tuple[str, Any, int]]:
+        """Return an iterator like that of `messages`, by log time; at one time as in the files.
+
+        Nodes record ahead, topic by topic: a motion of seconds, then its joint states, its
+        frames. All times are read first, so that only messages wait in memory which are followed
+        by earlier ones.
+        """
+        times = np.fromiter((min(t, _LATEST) for *_, t in self.raw(topics)), np.int64)
+        earliest = np.minimum.accumulate(times[::-1])[::-1].tolist()  # of each and those after it
+        waiting: list[tuple[int, int, str, Any]] = []
+        for k, (name, message, t) in enumerate(self.messages(topics)):
+            heappush(waiting, (t, k, name, message))
+            while waiting and (k + 1 == len(earliest) or waiting[0][0] <= earliest[k + 1]):
+                due, _, *found = heappop(waiting)
+                yield found[0], found[1], due
 
     def raw(self, topics: str | Iterable[str] | None = None) -> Iterator[tuple[str, bytes, int]]:
         """Return an iterator like that of `messages`, over the messages as they are recorded."""
@@ -222,13 +245,10 @@ class Bag:
 def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) -> Bag:
     """Open a bag for reading: a file, or a folder of files that follow each other.
 
-    Args:
-        path: Of the file (.mcap or .db3, also compressed as .zstd) or folder.
-        progress: Called with the part of the bag that is read, whenever messages are.
-
-    Raises:
-        InputError: No such file, not a bag, or its index is damaged.
-
+    Parameters
+    ----------
+    path : of the file (.mcap or .db3, also compressed as .zstd) or folder
+    progress : called with the part of the bag that is read, whenever messages are
     """
     path = path_of(path)
     found = parts(path)
@@ -252,13 +272,14 @@ def topics_of(layouts: Iterable[FileLayout]) -> dict[str, BagTopic]:
 
 
 def _qos(profiles: str) -> Qos | None:
-    """Return the first of the profiles; None where policies are numbers, as before Iron."""
+    """Return the first of the profiles; None if it is none, as before Iron with its numbers."""
     try:
         first = (documents.parse(profiles) or [{}])[0]
         words = {name: first[name] for name in ('reliability', 'durability', 'history', 'depth')}
     except (documents.DocumentError, KeyError, TypeError):
         return None
-    return Qos(**words) if isinstance(words['history'], str) else None
+    fits = map(isinstance, words.values(), (str, str, str, int))
+    return Qos(**words) if all(fits) else None
 
 
 def decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
@@ -290,6 +311,8 @@ def _reader(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
             return protobuf.decoder(schema.data, schema.name)
     except _WRONG as error:
         raise MessageError(f'its schema cannot be read ({reason(error)})') from error
+    if channel.message_encoding in {'cdr', 'protobuf'} and schema is None:
+        raise MessageError('it has no schema, which says the type of its messages')
     if channel.message_encoding != 'cdr' or schema is None:
         raise MessageError(
             f'{channel.message_encoding!r} is not an encoding that is read here: cdr of ROS 2, '
@@ -312,7 +335,7 @@ def _defined(schema: Schema) -> Callable[[bytes], Any]:
     text = schema.data.decode()
     try:
         types = (
-            get_types_from_idl(text)
+            get_types_from_idl(_BETWEEN.sub('', text))
             if schema.encoding == 'ros2idl'
             else get_types_from_msg(text, schema.name)
         )

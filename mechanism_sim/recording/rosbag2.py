@@ -92,12 +92,12 @@ def qos_profile(qos: QosLike) -> dict[str, Any]:
 def bag_metadata(file: str, start: int, end: int, topics: Iterable[TopicRecord]) -> str:
     """Return the `serialized_metadata` of a bag of one file.
 
-    Args:
-        file: Name of the file.
-        start: Log time of the first message [ns].
-        end: Log time of the last message [ns]; before `start` where there is none.
-        topics: The topics with what was written on each.
-
+    Parameters
+    ----------
+    file : name of the file
+    start : log time of the first message [ns]
+    end : log time of the last message [ns]; before `start` where there is none
+    topics : the topics with what was written on each
     """
     topics = tuple(topics)
     count = sum(topic.count for topic in topics)

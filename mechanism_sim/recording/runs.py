@@ -16,10 +16,10 @@ MCAP = b'\x89MCAP'
 def realtime_factor(simulated: float, wall_time: float | None) -> float | None:
     """Simulated seconds per second.
 
-    Args:
-        simulated: Simulated duration [s].
-        wall_time: Wall time [s] from the first message to the last; None if unknown.
-
+    Parameters
+    ----------
+    simulated : simulated duration [s]
+    wall_time : wall time [s] from the first message to the last; None if unknown
     """
     return simulated / wall_time if wall_time else None
 

@@ -63,29 +63,18 @@ class Loss(NamedTuple):
 
 @dataclass
 class Salvage:
-    """Sound records of a file.
+    """Sound records of a file."""
 
-    Attributes
-    ----------
-    layout : common layout of all records
-    closed : True if the file is sound: no damaged chunk, and an index
-    losses : skipped bytes
-    tail : bytes at the end without a whole record
-    cut : True if `tail` is an incomplete record or zeros, as after a kill
-    places : starts and ends of records with messages
-    attachments : readable attachments
-    chunks : number of skipped chunks
-    fished : topics read from damaged chunks, since others have messages of them
-    """
-
-    layout: FileLayout
-    closed: bool = False
-    losses: list[Loss] = field(default_factory=list)
-    chunks: int = 0
-    tail: int = 0
-    cut: bool = True
+    layout: FileLayout  #: common layout of all records
+    closed: bool = False  #: True if the file is sound: no damaged chunk, and an index
+    losses: list[Loss] = field(default_factory=list)  #: skipped bytes
+    chunks: int = 0  #: number of skipped chunks
+    tail: int = 0  #: bytes at the end without a whole record
+    cut: bool = True  #: True if `tail` is an incomplete record or zeros, as after a kill
+    #: starts and ends of records with messages
     places: list[tuple[int, int]] = field(default_factory=list)
-    attachments: list[Attachment] = field(default_factory=list)
+    attachments: list[Attachment] = field(default_factory=list)  #: readable attachments
+    #: topics read from damaged chunks, since others have messages of them
     fished: list[str] = field(default_factory=list)
 
     def blocks(self, path: Path, stream: BinaryIO) -> Iterator[bytes]:
@@ -108,12 +97,7 @@ class Salvage:
 
 
 def salvage(path: Path, stream: BinaryIO) -> Salvage:
-    """Find what is sound in an MCAP file that is open for reading.
-
-    Raises:
-        InputError: Its compression cannot be read here.
-
-    """
+    """Find what is sound in an MCAP file that is open for reading."""
     index, indexed = None, True
     try:
         index = from_index(path, stream)

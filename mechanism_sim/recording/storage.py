@@ -60,9 +60,10 @@ class DamagedBagError(InputError):
 def sound(path: Path, what: str) -> Iterator[None]:
     """Turn errors of a damaged file into one sentence.
 
-    Raises:
-        DamagedBagError: Text that is no UTF-8, lengths and sizes that cannot be, checksums.
-
+    Raises
+    ------
+    DamagedBagError
+        Text that is no UTF-8, lengths and sizes that cannot be, checksums.
     """
     try:
         yield
@@ -132,15 +133,17 @@ def blocks(
 ) -> Iterator[bytes]:
     """Yield the readable part of a file as runs of records, chunk by chunk, decompressed.
 
-    Args:
-        path: The file, for messages.
-        stream: The file, open for reading.
-        layout: Says where to stop and what can be skipped.
-        wanted: Requested channels; chunks known to hold none of them are skipped.
+    Parameters
+    ----------
+    path : the file, for messages
+    stream : the file, open for reading
+    layout : says where to stop and what can be skipped
+    wanted : requested channels; chunks known to hold none of them are skipped
 
-    Raises:
-        DamagedBagError: A chunk does not agree with its checksum, or cannot be read.
-
+    Raises
+    ------
+    DamagedBagError
+        A chunk does not agree with its checksum, or cannot be read.
     """
     for opcode, offset, length in _records(stream, layout.readable):
         if opcode == Opcode.CHUNK:
@@ -334,13 +337,9 @@ def _cure_named(path: Path, holder: Any) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class BagFile:
-    """A file of a bag.
+    """A file of a bag."""
 
-    Attributes
-    ----------
-    path : path of the read file; for a compressed one that of a copy, which is kept by `holder`
-    """
-
+    #: path of the read file; for a compressed one that of a copy, which is kept by `holder`
     path: Path
     layout: FileLayout
     holder: Any = None
@@ -470,6 +469,8 @@ def _survey_rows(path: Path) -> FileLayout:
             base, 'topics', 'id', 'name', 'type', 'serialization_format', 'offered_qos_profiles',
             'type_description_hash',
         ):  # fmt: skip
+            if not (isinstance(topic, str) and isinstance(kind, str)):
+                raise ValueError('a topic has no name or no type')
             if kind not in known:
                 known[kind] = len(layout.schemas) + 1
                 layout.schemas[known[kind]] = Schema(known[kind], b'', '', kind)

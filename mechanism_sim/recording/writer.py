@@ -91,16 +91,17 @@ class BagWriter:
     has passed, `flush` does so always: a killed process leaves a file readable up to there.
     A caller that may pause writing must call `flush` from a timer.
 
-    Args:
-        path: File to write; its directory must exist.
-        overwrite: Replace a file that is there already.
-        wait: Claim the path only: until `begin` what is there stays, and `close` adds no file.
+    Parameters
+    ----------
+    path : file to write; its directory must exist
+    overwrite : replace a file that is there already
+    wait : claim the path only: until `begin` what is there stays, and `close` adds no file
 
-    Raises:
-        InputError: The path exists already, or nothing can be written there.
-        RunError: From any method: the disk is full or gone, or the bag is closed. What was
-            flushed stays readable.
-
+    Raises
+    ------
+    RunError
+        From any method: the disk is full or gone, or the bag is closed. What was flushed stays
+        readable.
     """
 
     def __init__(self, path: Path | str, *, overwrite: bool = False, wait: bool = False) -> None:
@@ -144,15 +145,11 @@ class BagWriter:
     def add_topic(self, topic: str, type_name: str, qos: QosLike) -> None:
         """Announce a topic; again with the same type changes nothing.
 
-        Args:
-            topic: Name, as `/four_bar/motion`.
-            type_name: Message type, as `mechanism_sim/msg/Motion`.
-            qos: How its publisher offers it.
-
-        Raises:
-            InputError: The topic is there with another type, or the type is unknown, or `qos`
-                makes no sense.
-
+        Parameters
+        ----------
+        topic : name, as `/four_bar/motion`
+        type_name : message type, as `mechanism_sim/msg/Motion`
+        qos : how its publisher offers it
         """
         with self._guard_writes():
             if topic in self._topics:
@@ -182,18 +179,16 @@ class BagWriter:
     ) -> int:
         """Append a message.
 
-        Args:
-            topic: Name given to `add_topic` before.
-            cdr: The message as on the wire, encapsulation header included.
-            log_time_ns: Simulated time by which players order messages [ns], not negative.
-            publish_time_ns: Time of publication [ns], `log_time_ns` by default.
+        Parameters
+        ----------
+        topic : name given to `add_topic` before
+        cdr : the message as on the wire, encapsulation header included
+        log_time_ns : simulated time by which players order messages [ns], not negative
+        publish_time_ns : time of publication [ns], `log_time_ns` by default
 
-        Returns:
-            How many messages of this topic are written now.
-
-        Raises:
-            InputError: A topic that was not added, or a negative time.
-
+        Returns
+        -------
+        How many messages of this topic are written now.
         """
         if publish_time_ns is None:
             publish_time_ns = log_time_ns

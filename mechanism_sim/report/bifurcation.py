@@ -16,8 +16,7 @@ from mechanism_sim.studies.continuation import ResponseBranch
 from mechanism_sim.units import for_people
 
 _OTHERS, _CONVERGES = 'no period found', 'not settled'
-_COLOURED = 8
-"""Periods that have a colour of their own; a longer one shares the last."""
+_COLOURED = 8  # periods that have a colour of their own; a longer one shares the last
 
 
 def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:

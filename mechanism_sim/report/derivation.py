@@ -31,13 +31,10 @@ from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import drive_of
 from mechanism_sim.scene.motion_keys import MotionProfile, SpeedPart
 
-_SHORT = 5
-"""Nodes of an expression up to which a position needs no symbol of its own."""
+_SHORT = 5  # nodes of an expression up to which a position needs no symbol of its own
 _TIME = 'now'
-_MOST_LAWS = 24
-"""Laws of a drive, one after the other, that are written."""
-_LONG = 30
-"""Operations from which on forces are written with intermediate quantities."""
+_MOST_LAWS = 24  # laws of a drive, one after the other, that are written
+_LONG = 30  # operations from which on forces are written with intermediate quantities
 
 
 def derive(machine: Machine, rates: bool = False) -> MachineEquations:
@@ -419,17 +416,12 @@ class _Recorder:
 
 
 class Vectors:
-    """Terms in symbols, some of which stand for vectors.
-
-    Attributes
-    ----------
-    frames : those of the equations; they remember the vectors they are asked for
-    equations : meanings of the symbols of vectors
-    """
+    """Terms in symbols, some of which stand for vectors."""
 
     def __init__(self, equations: Equations, symbols: Symbols) -> None:
+        #: those of the equations; they remember the vectors they are asked for
         self.frames: Any = _Recorder(equations.frames)
-        self.equations: list[Equation] = []
+        self.equations: list[Equation] = []  #: meanings of the symbols of vectors
         self._mechanism, self._symbols = equations.mechanism, symbols
         self._abbreviations: dict[str | hy.expression, hy.expression] = {}
         self._named: dict[str, dict[str | hy.expression, hy.expression]] = {}

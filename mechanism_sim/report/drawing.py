@@ -23,8 +23,7 @@ from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.quantities.motion import choose_points
 
-_SIDES = 7.5, 6.0
-"""Width and height of a picture at most [in]."""
+_SIDES = 7.5, 6.0  # width and height of a picture at most [in]
 
 PATHS = ('-', '--', '-.', ':')
 _SIZE = 7.5  # size of letters [points]

@@ -22,25 +22,18 @@ from ros_interfaces.names import InvalidNameError, resolve_namespace
 
 _AXES = 0.2  # [m] length of the axes of a frame at scale 1
 _WINDOW = 1200, 846
-_VIEW = 800.0, 650.0
-"""Size of the window, and about that of the picture in it [pixels]."""
+_VIEW = 800.0, 650.0  # size of the window, and about that of the picture in it [pixels]
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A plot over time.
+    """A plot over time."""
 
-    Attributes
-    ----------
-    group : subject
-    title : the quantity with its unit
-    paths : ``TOPIC.FIELD`` by the label of each line, in the syntax of Foxglove's message paths
-    style : lines; dots for events; or the values of an array in the latest message
-    """
-
-    group: str
-    title: str
+    group: str  #: subject
+    title: str  #: the quantity with its unit
+    #: ``TOPIC.FIELD`` by the label of each line, in the syntax of Foxglove's message paths
     paths: dict[str, str] = field(default_factory=dict)
+    #: lines; dots for events; or the values of an array in the latest message
     style: Literal['line', 'dots', 'array'] = 'line'
 
 

@@ -50,19 +50,13 @@ _PART = 0.5, 0.3, 0.75  # shares of the drawing: height, width, largest height
 
 
 class FilmParts(NamedTuple):
-    """Parts of a film beside the machine.
+    """Parts of a film beside the machine."""
 
-    Attributes
-    ----------
-    lens : joint under the lens; ``''`` the first that is loose, ``None`` no lens
-    forces : arrows at all joints
-    paths : points ``LINK.POINT`` whose paths are drawn
-    labels : names that are drawn, as `mechanism_sim.report.drawing.draw` has it
-    """
-
+    #: joint under the lens; ``''`` the first that is loose, ``None`` no lens
     lens: str | None = ''
-    forces: bool = False
-    paths: str | Sequence[str] = ()
+    forces: bool = False  #: arrows at all joints
+    paths: str | Sequence[str] = ()  #: points ``LINK.POINT`` whose paths are drawn
+    #: names that are drawn, as `mechanism_sim.report.drawing.draw` has it
     labels: Literal['all', 'links', 'none'] = 'none'
 
 
@@ -74,11 +68,6 @@ class Screen:
     t : (N,) [s] of the frames
     pace : simulated seconds in a second of film
     size : longer side of the figure, or its width and height [pixels]
-
-    Attributes
-    ----------
-    figure : Matplotlib's
-    size : width and height [pixels], even numbers
     """
 
     def __init__(
@@ -97,7 +86,8 @@ class Screen:
         low, high = bounds(skeleton, skeleton.poses(samples.observed.local))
         lens = _lens_joint(record, self._stage, shown.lens)
         layout = _layout((high - low) / (high[1] - low[1]), size, bool(lens))
-        self.size = layout.size
+        self.size = layout.size  #: width and height [pixels], even numbers
+        #: Matplotlib's
         self.figure = Picture((self.size[0] / DENSITY, self.size[1] / DENSITY), dpi=DENSITY)
         axes = self.figure.add_axes(layout.machine, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_axis_off()

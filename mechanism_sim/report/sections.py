@@ -19,18 +19,13 @@ _MOST = 40  # rows of a section in a notebook
 
 
 class SummaryRow(NamedTuple):
-    """A figure of a summary.
-
-    Attributes
-    ----------
-    value, unit : value and unit for the reader
-    words : text beside the value; may be empty
-    """
+    """A figure of a summary."""
 
     label: str
+    #: value and unit for the reader
     value: str
     unit: str = ''
-    words: str = ''
+    words: str = ''  #: text beside the value; may be empty
 
     @property
     def text(self) -> str:
@@ -47,22 +42,13 @@ def amount(label: str, value: float, unit: str, digits: int = 6, words: str = ''
 
 @dataclass(frozen=True)
 class Section:
-    """Part of a summary.
+    """Part of a summary."""
 
-    Attributes
-    ----------
-    title : a line; empty if the section continues the one before
-    rows : figures below each other
-    table : cells, the head first
-    notes : sentences
-    left : number or indices of left-aligned columns of the table
-    """
-
-    title: str = ''
-    rows: Sequence[SummaryRow] = ()
-    table: Sequence[Sequence[Cell]] = ()
-    notes: Sequence[str] = ()
-    left: int | Sequence[int] = 1
+    title: str = ''  #: a line; empty if the section continues the one before
+    rows: Sequence[SummaryRow] = ()  #: figures below each other
+    table: Sequence[Sequence[Cell]] = ()  #: cells, the head first
+    notes: Sequence[str] = ()  #: sentences
+    left: int | Sequence[int] = 1  #: number or indices of left-aligned columns of the table
 
     def lines(self) -> Iterator[str]:
         """Lines of text."""

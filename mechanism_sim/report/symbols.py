@@ -45,8 +45,7 @@ _INDEXED = {
 }  # fmt: skip
 """Stems whose last letter is an index."""
 
-_LARGE = 100
-"""Operations from which on an expression is left as the engine has it."""
+_LARGE = 100  # operations from which on an expression is left as the engine has it
 
 
 @dataclass(frozen=True)

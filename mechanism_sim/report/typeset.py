@@ -28,8 +28,7 @@ _STYLE = (
     'body{font-family:sans-serif;max-width:70em;margin:2em auto;padding:0 1em}'
     'td{padding:0 1em 0 0}math{margin:.4em 0}'
 )
-_LINE = 150
-"""Characters of text that fit beside each other in a LaTeX line."""
+_LINE = 150  # characters of text that fit beside each other in a LaTeX line
 
 
 class _Text(StrPrinter):  # type: ignore[misc]

@@ -24,21 +24,13 @@ _PEAKLESS = 0.5**0.5  # above it the response to an unbalance has no peak
 
 
 class ModeTable(NamedTuple):
-    """The modes at one place, or at several.
+    """The modes at one place, or at several."""
 
-    Attributes
-    ----------
-    scene : name of the scene
-    stations : a single one about rest, several over angles or speeds
-    over : 'angle' or 'speed'; None about rest
-    main : coordinate of the drive
-    critical : speeds at which a natural frequency is that of the rotation
-    """
-
-    scene: str
-    stations: Sequence[Station]
-    over: str | None = None
-    main: str = ''
+    scene: str  #: name of the scene
+    stations: Sequence[Station]  #: a single one about rest, several over angles or speeds
+    over: str | None = None  #: 'angle' or 'speed'; None about rest
+    main: str = ''  #: coordinate of the drive
+    #: speeds at which a natural frequency is that of the rotation
     critical: Sequence[CriticalSpeed] = ()
 
     def abscissa(self, station: Station) -> float:

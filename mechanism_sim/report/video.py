@@ -164,23 +164,16 @@ def _ffmpeg() -> str:
 
 @dataclass(frozen=True)
 class Film:
-    """Film to be written: a number of frames of a part of a run.
-
-    Attributes
-    ----------
-    t : (N,) [s] of the frames
-    start, end : [s] of the run; the frame at the end is left out, so that turns go on and on
-    speed : simulated seconds in a second of film
-    fps : frames a second
-    """
+    """Film to be written: a number of frames of a part of a run."""
 
     target: Target
     record: Record
-    t: Array
+    t: Array  #: (N,) [s] of the frames
+    #: [s] of the run; the frame at the end is left out, so that turns go on and on
     start: float
     end: float
-    speed: float
-    fps: float
+    speed: float  #: simulated seconds in a second of film
+    fps: float  #: frames a second
 
     def write(
         self,

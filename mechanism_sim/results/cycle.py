@@ -42,10 +42,8 @@ from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
-_MOMENT = 1e-6
-"""Duration [s] of a run of which only the start is used."""
-_ROUNDED = 1e-9
-"""Efficiency below which it counts as zero: works are sums of quadratures."""
+_MOMENT = 1e-6  # duration [s] of a run of which only the start is used
+_ROUNDED = 1e-9  # efficiency below which it counts as zero: works are sums of quadratures
 _NEAR = 1e-4  # of the way between limits of a drive: what is so near to one is told by its growth
 
 # eight instants, in steps, and the weights with which a polynomial through them gives what is

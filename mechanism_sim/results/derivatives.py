@@ -36,11 +36,9 @@ from mechanism_sim.results.run import IMPACT_UNITS, Piece, Runner, seconds_of
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
-_SMALL = 2e-3
-"""Displacement of a motion for differences, as share of clearances and speeds."""
+_SMALL = 2e-3  # displacement of a motion for differences, as share of clearances and speeds
 
-_DEPTH = 0.05
-"""Approximate depth of compliant contacts as a share of a clearance."""
+_DEPTH = 0.05  # approximate depth of compliant contacts as a share of a clearance
 
 _NEAR = 5e-3
 """Largest opening of gaps, as share of a clearance, where a machine is changed under its motion.

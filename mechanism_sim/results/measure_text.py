@@ -62,29 +62,18 @@ class Bound(NamedTuple):
 
 @dataclass(frozen=True)
 class Figure:
-    """A function of an expression.
+    """A function of an expression."""
 
-    Attributes
-    ----------
-    function : one of `FUNCTIONS`
-    argument : the expression, as text
-    names : dotted names in the expression
-    percent : percentage of a percentile
-    since, until : window; None for that of the run
-    per_revolution : True if it is the mean over whole revolutions of the figure in each
-    tree : tree of the expression
-    path : points of the file of a distance
-    """
-
-    function: str
-    argument: str
-    names: tuple[str, ...]
-    percent: float | None
+    function: str  #: one of `FUNCTIONS`
+    argument: str  #: the expression, as text
+    names: tuple[str, ...]  #: dotted names in the expression
+    percent: float | None  #: percentage of a percentile
+    #: window; None for that of the run
     since: Bound | None
     until: Bound | None
-    per_revolution: bool
-    tree: ExpressionNode = field(compare=False, repr=False)
-    path: TargetPath | None = None
+    per_revolution: bool  #: True if it is the mean over whole revolutions of the figure in each
+    tree: ExpressionNode = field(compare=False, repr=False)  #: tree of the expression
+    path: TargetPath | None = None  #: points of the file of a distance
 
     @property
     def of_events(self) -> bool:
@@ -135,16 +124,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure as it is written.
+    """A measure as it is written."""
 
-    Attributes
-    ----------
-    name : name of the column; by default the text
-    text : text as written
-    """
-
-    name: str
-    text: str
+    name: str  #: name of the column; by default the text
+    text: str  #: text as written
     _tree: ExpressionNode
     figures: tuple[Figure, ...]
 

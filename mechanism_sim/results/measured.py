@@ -18,27 +18,19 @@ from mechanism_sim.sensing.chain import QUANTITIES
 from mechanism_sim.sensing.channel import Analogue
 from mechanism_sim.sensing.indicators import FEWEST, features
 
-_STRETCHES = 6
-"""Number of parts of a signal with features of their own, where the speed changes."""
+_STRETCHES = 6  # number of parts of a signal with features of their own, where the speed changes
 
 
 @dataclass(frozen=True, eq=False)
 class SensorRecord:
-    """The signal of a sensor of a machine in one experiment.
+    """The signal of a sensor of a machine in one experiment."""
 
-    Attributes
-    ----------
-    machine : with drive and measuring chain; values of parameters to be found do not matter
-    sensor : name of a sensor of the scene
-    start : time of the first sample, after the start of the run [s]
-    samples : (N,) output of the chain, without gaps
-    instants : (N,) times [s] of samples that are not taken at the sensor's rate
-    """
-
+    #: with drive and measuring chain; values of parameters to be found do not matter
     machine: Machine
-    sensor: str
-    start: float
-    samples: Array
+    sensor: str  #: name of a sensor of the scene
+    start: float  #: time of the first sample, after the start of the run [s]
+    samples: Array  #: (N,) output of the chain, without gaps
+    #: (N,) times [s] of samples that are not taken at the sensor's rate
     instants: Array | None = None
 
     @property
@@ -132,19 +124,12 @@ class SensorRecord:
 
 @dataclass(frozen=True, eq=False)
 class QuantityRecord:
-    """A quantity of the catalogue as it was measured, by whatever means.
-
-    Attributes
-    ----------
-    name : name of the quantity
-    times : (N,) rising times [s] after the start of the run
-    samples : (N,) values in SI units
-    """
+    """A quantity of the catalogue as it was measured, by whatever means."""
 
     machine: Machine
-    name: str
-    times: Array
-    samples: Array
+    name: str  #: name of the quantity
+    times: Array  #: (N,) rising times [s] after the start of the run
+    samples: Array  #: (N,) values in SI units
     noise = 0.0  #: unknown
 
     @property

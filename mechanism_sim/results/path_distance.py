@@ -24,14 +24,11 @@ from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import read_common
 
-_LOOKS = np.linspace(0.0, 1.0, 9)
-"""Positions in a step between which the nearest is searched."""
-_CANDIDATES = 3
-"""Number of nearest positions that are each refined: paths may cross themselves."""
+_LOOKS = np.linspace(0.0, 1.0, 9)  # positions in a step between which the nearest is searched
+_CANDIDATES = 3  # number of nearest positions that are each refined: paths may cross themselves
 _AGAIN = 1e-6
 """Share of the size of the machine, or of a radian, within which a path has come again."""
-_REFINED = 8
-"""Steps of Newton's method from there; each doubles the digits."""
+_REFINED = 8  # steps of Newton's method from there; each doubles the digits
 _TIMED = {'angle': 'rad', 't': 's'}
 _ANGLES = {**_TIMED, 'orientation': 'rad'}
 
@@ -45,16 +42,11 @@ def _slack(t: float) -> float:
 
 
 class TargetPath(NamedTuple):
-    """Points of a file, in SI units.
+    """Points of a file, in SI units."""
 
-    Attributes
-    ----------
-    points : (n, 2), (n, 3) with an orientation, or (n, 1) of a coordinate
-    by : ``angle`` or ``t`` of each point, at `at` (n,); empty for the nearest position
-    """
-
+    #: (n, 2), (n, 3) with an orientation, or (n, 1) of a coordinate
     points: tuple[tuple[float, ...], ...]
-    by: str
+    by: str  #: ``angle`` or ``t`` of each point, at `at` (n,); empty for the nearest position
     at: tuple[float, ...]
 
 

@@ -192,31 +192,20 @@ class Shown(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A quantity of a machine.
+    """A quantity of a machine."""
 
-    Attributes
-    ----------
-    name : ``KIND``, ``KIND.OF`` or ``KIND.OF.PART``
-    unit : SI; empty for a number
-    words : description, as in the title of a chart
-    of : its coordinate, joint, link or point; empty for the whole machine
-    evaluate : function that returns its values (N,) in a view of N instants
-    shown : tables that contain it by default
-    part : component of a vector, one of `PARTS`; else empty
-    counted : True if it is a state or a count, without extremes
-    difference : True if it is a difference of lengths of the machine's size, with their rounding
-    cumulative : True if it is an integral over the motion so far, at eight times the cost
-    """
-
-    name: str
-    unit: str
-    words: str
-    of: str
+    name: str  #: ``KIND``, ``KIND.OF`` or ``KIND.OF.PART``
+    unit: str  #: SI; empty for a number
+    words: str  #: description, as in the title of a chart
+    of: str  #: its coordinate, joint, link or point; empty for the whole machine
+    #: function that returns its values (N,) in a view of N instants
     evaluate: Callable[[View], Array]
-    shown: Shown = Shown.RUN
-    part: str = ''
-    counted: bool = False
+    shown: Shown = Shown.RUN  #: tables that contain it by default
+    part: str = ''  #: component of a vector, one of `PARTS`; else empty
+    counted: bool = False  #: True if it is a state or a count, without extremes
+    #: True if it is a difference of lengths of the machine's size, with their rounding
     difference: bool = False
+    #: True if it is an integral over the motion so far, at eight times the cost
     cumulative: bool = False
 
     @property

@@ -37,8 +37,7 @@ from mechanism_sim.scene.machine import Run
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument, durations
 
-_SENSORS = 'sensors.'
-"""Prefix of the name of a sensor, as in measures."""
+_SENSORS = 'sensors.'  # prefix of the name of a sensor, as in measures
 
 IMPACT_UNITS = {
     't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
@@ -320,8 +319,7 @@ BATCH = Batch(8192, 8192)
 """Number of steps of a batch, which bounds the memory of a run."""
 
 
-_MOST_STEPS = 1e11
-"""Largest number of steps of a run: they take weeks."""
+_MOST_STEPS = 1e11  # largest number of steps of a run: they take weeks
 
 Observer = Callable[[Piece], object]
 """Function called with every piece of a run in order, such as ``digest.add``."""

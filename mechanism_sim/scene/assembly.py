@@ -8,9 +8,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.four_bar import Branch, FourBarLoop, whole_four_bar
 from mechanism_sim.linkages.grashof import change_points
@@ -289,9 +288,7 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
 
 
-def _fits(
-    kinematics: Kinematics, q: Array, left: Array, targets: Array | None
-) -> NDArray[np.bool_]:
+def _fits(kinematics: Kinematics, q: Array, left: Array, targets: Array | None) -> Mask:
     """Mask (N,) of results of `Kinematics.positions` that close the loops as the joints say."""
     return np.asarray((left == 0.0) & (kinematics.faces(q) if targets is None else True))
 

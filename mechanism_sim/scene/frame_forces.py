@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.physics import Physics, outside
 from mechanism_sim.linkages.forces import AppliedForce
-from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.polynomials import Times
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
@@ -48,13 +47,13 @@ class JointWrenches:
         """Row of a joint by name."""
         return [j.name for j in self.mechanism.joints].index(joint)
 
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Places:
+    def read(self, motion: Motion, segments: IndexArray, dt: Times) -> Places:
         """Coordinates (n, N) without whole turns, and the wrenches, as of ``motion.curve.at``."""
         seen = self._physics.observe(motion, segments, dt)
         wrenches = np.concatenate([seen.reaction, seen.reaction_moment[:, None]], axis=1)
         return seen.local, wrenches
 
-    def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Places:
+    def impulses(self, motion: Motion, segments: IndexArray, step: Array) -> Places:
         """Coordinates, and impulses [N s, N m s] where the rates make a `step` (n, N)."""
         dt, names, curve = np.zeros(len(segments)), self.mechanism.coordinates, motion.curve
         q, outer = curve.local(segments, dt).T, self._impulses.outside
@@ -74,11 +73,11 @@ class JointForces:
         self._wrenches, self._mechanism = JointWrenches(machine), machine.mechanism
         self._joints = [(self._wrenches.index(x), self._mechanism.joint(x)) for x in joints]
 
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def read(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Force x, y [N] and moment [N m] (3, N)."""
         return self._on_ground(*self._wrenches.read(motion, segments, dt))
 
-    def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
+    def impulses(self, motion: Motion, segments: IndexArray, step: Array) -> Array:
         """Their integrals (3, N) [N s, N m s] where the rates make a `step` (n, N)."""
         return self._on_ground(*self._wrenches.impulses(motion, segments, step))
 

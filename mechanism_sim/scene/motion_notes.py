@@ -44,7 +44,14 @@ def motion_notes(
     for links, linkage in found:
         crank, _, last = links
         if crank in swung:
-            lines = _notes_of_swung(linkage, crank, *swung[crank])
+            # another linkage swings it: a toggle, a second four-bar
+            (by, through), kind = swung[crank], 'slider-crank'
+            if isinstance(linkage, FourBar):
+                kind = f'Grashof: {classify(linkage.lengths)}'
+            lines = [
+                f'{kind}; the {crank} is moved by {by}, and swings through at most '
+                f'{math.degrees(through):.6g} deg'
+            ]
         elif isinstance(linkage, FourBar):
             lines = _four_bar_notes(linkage, crank, last)
         else:
@@ -70,19 +77,6 @@ def _swung(
             if through < 2.0 * math.pi:
                 swings[last] = ', '.join(links), through
     return swings
-
-
-def _notes_of_swung(
-    linkage: FourBar | SliderCrank, crank: str, by: str, through: float
-) -> list[str]:
-    """Notes on a linkage whose first link another one swings: a toggle, a second four-bar."""
-    kind = 'slider-crank'
-    if isinstance(linkage, FourBar):
-        kind = f'Grashof: {classify(linkage.lengths)}'
-    return [
-        f'{kind}; the {crank} is moved by {by}, and swings through at most '
-        f'{math.degrees(through):.6g} deg'
-    ]
 
 
 def mobility_notes(mechanism: Mechanism, q: Mapping[str, float]) -> Iterator[str]:

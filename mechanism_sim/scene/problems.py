@@ -80,7 +80,7 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         models, there = _at(model, path[:-1]), _value(data, path[:-1])
         known = _keys(models, there)
         hint = _other_word(models, path[-1])
-        hint = hint or nearest(path[-1], known, deeper=_deeper(models, path[-1], there))
+        hint = hint or nearest(path[-1], known, deeper=deeper(models, path[-1], there))
         return f"unknown key '{where}'{hint}; allowed here: {', '.join(known)}"
     if kind == 'missing':
         return f"'{where}' is missing"
@@ -93,7 +93,8 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         return f'{where if isinstance(value, dict) else shown} {context["error"]}'.lstrip()
     if kind == 'literal_error':
         allowed = re.findall(r"'([^']*)'", str(context['expected']))
-        hint = _other_word(_at(model, path[:-1]), str(value)) or nearest(str(value), allowed)
+        word = path[-1] if isinstance(value, Mapping) else str(value)
+        hint = _other_word(_at(model, path[:-1]), word) or nearest(word, allowed)
         return f'{shown} is not possible{hint}; allowed: {context["expected"]}'
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
@@ -107,7 +108,8 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     if kind == 'model_type' and len(own) == 1:
         models = _at(model, path)
         known = _keys(models, {})
-        alone = _of_file(models, value) or _instead(models, value)
+        reads = any(m.of_files for m in models if issubclass(m, Part))
+        alone = (reads and named_file(value)) or _instead(models, value)
         must = f'{shown}: it must be {_TYPES[kind]}{alone}'
         return f'{must}; allowed here: {", ".join(known)}'
     if kind == 'dict_type' and isinstance(value, list | tuple):
@@ -120,12 +122,6 @@ def _names_file(problem: ErrorDetails, model: type[BaseModel]) -> bool:
     """True of a key by which a file would be read if there were no others that are unknown."""
     *path, key = map(str, problem['loc'])
     return any(key in m.of_files for m in _at(model, path) if issubclass(m, Part))
-
-
-def _of_file(models: Iterable[type[BaseModel]], value: Any) -> str:
-    """Advice on how to name a file, if a value is the name of one."""
-    reads = any(m.of_files for m in models if issubclass(m, Part))
-    return named_file(value) if reads else ''
 
 
 def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
@@ -173,9 +169,18 @@ def _must_be(problem: ErrorDetails, model: type[BaseModel], path: list[str]) -> 
             return 'a list'
         example = ', '.join(EXAMPLES[q.units[0]] for q in quantities[:2])
         alike = len(quantities) >= 2
-        return f'a list of two quantities, for example [{example}]' if alike else 'a list of two'
+        cut = _cut_at_commas(problem.get('input'))
+        return f'a list of two{f" quantities, for example [{example}]" if alike else ""}{cut}'
     said = ' or '.join(filter(None, (f.render() for f in facts)))
     return f'of another kind{f" ({said})" if said else ""}'
+
+
+def _cut_at_commas(value: Any) -> str:
+    """Advice on formulas of which YAML made several entries of a list."""
+    texts = [x for x in value if isinstance(x, str)] if isinstance(value, list | tuple) else []
+    if all(x.count('(') == x.count(')') for x in texts):
+        return ''
+    return ', and a formula with a comma needs quotes: ["hypot(vx, vy)", ...]'
 
 
 def _place(problem: ErrorDetails, data: Any) -> list[str]:
@@ -218,7 +223,7 @@ def _other_word(models: Iterable[type[BaseModel]], word: str) -> str:
     return other_word(word, known)
 
 
-def _deeper(models: Iterable[type[BaseModel]], key: str, data: Any) -> list[str]:
+def deeper(models: Iterable[type[BaseModel]], key: str, data: Any) -> list[str]:
     """Paths to a key in the parts of some models; none if these are so many that they say little.
 
     Parts by name are at NAME, the first of a list is at 0.

@@ -50,7 +50,7 @@ from mechanism_sim.scene.motion_keys import (
     SwingPart,
 )
 from mechanism_sim.scene.motion_keys import Speed as MotionSpeed
-from mechanism_sim.scene.problems import PartMaker
+from mechanism_sim.scene.problems import PartMaker, deeper
 from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
@@ -289,7 +289,8 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
         others = cls.model_fields.keys() - KINDS[kind].model_fields.keys()
         for key in (key for key, x in data.items() if key in others and not _is_nothing(x)):
             said = f'{key} has no meaning in {a_or_an(kind)} joint'
-            said += _as_spring(kind, key, data[kind])
+            there = deeper([KINDS[kind]], key, data)
+            said += _as_spring(kind, key, data[kind]) or nearest(key, (), deeper=there)
             raise ValueError(f'has a key of another kind: {said}')
         return data
 
@@ -576,6 +577,7 @@ class AnyScene(Part):
         'g': "'gravity', as in gravity: [0, -9.81 m/s^2]",
         'bodies': "'links'",
         'constraints': "'joints'",
+        'start': "'initial', as in initial: {position: {LINK: 30 deg}}",
     }
 
     def to_yaml(self) -> str:

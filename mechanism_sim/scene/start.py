@@ -31,7 +31,7 @@ from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.protocols import EndGap, Gap, MotionBound
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
@@ -71,18 +71,14 @@ class Start:
         """A turn of the drive [s], at most a second."""
         return min(self.period, 1.0)
 
-    @property
-    def _loose(self) -> Mechanism:
-        return self.plan.loose
-
     def state(self) -> State:
         """Start of the equations of motion."""
         plan, observer = self.plan, self.equations.observer
         system = observer.system
-        names = self._loose.coordinates
+        names = self.plan.loose.coordinates
         q, v = (dict(zip(names, x.tolist(), strict=True)) for x in self._placed())
         turns = dict.fromkeys(system.free, 0)
-        for c in {*system.free}.difference(self._loose.displacements):
+        for c in {*system.free}.difference(self.plan.loose.displacements):
             whole, q[c] = take_off_turns(q[c])
             turns[c] = whole + plan.turned.get(c, 0)
         seated = plan.scene.start == 'seated' and not plan.placed_outright
@@ -91,7 +87,7 @@ class Start:
         closed = []
         for gap, value in zip(system.gaps, values, strict=True):
             if isinstance(gap, MotionBound):  # contacts are resolved at the start of the run
-                check_apart(gap, float(gap.distance(value)[0]), self._loose.size)
+                check_apart(gap, float(gap.distance(value)[0]), self.plan.loose.size)
                 closed.append(False)
                 continue
             self._check_inside(gap, value, seated)
@@ -107,11 +103,11 @@ class Start:
 
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
-        spec, pin = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
+        spec, pin = self.plan.clearances[gap.joint], self.plan.loose.joint(gap.joint)
         end = gap if isinstance(gap, EndGap) else None
         if not isinstance(pin, Revolute) or spec.film or (end and end.thrust):
             return spec.radial == 0.0
-        near = max(1e-9 * spec.radial, 1e-14 * self._loose.size)
+        near = max(1e-9 * spec.radial, 1e-14 * self.plan.loose.size)
         return not end or float(gap.distance(value)[0]) <= near
 
     def _check_inside(self, gap: Gap, value: Array, seated: bool) -> None:
@@ -119,11 +115,11 @@ class Start:
         radial = self.plan.clearances[gap.joint].radial
         clearance = getattr(gap, 'play', radial)  # of stops along an axis their own
         distance = float(gap.distance(value)[0])
-        rounding = _ROUNDING * self._loose.size
+        rounding = _ROUNDING * self.plan.loose.size
         if distance >= -max(1e-6 * clearance, rounding) or (seated and gap.law):
             return
         into, place = f'{-distance:.6g} m into', 'initial.position puts'
-        if not isinstance(self._loose.joint(gap.joint), Revolute):
+        if not isinstance(self.plan.loose.joint(gap.joint), Revolute):
             raise InputError(f'{place} {gap.joint} {into} its wall')
         if isinstance(gap, EndGap) and gap.thrust:
             raise InputError(
@@ -143,7 +139,7 @@ class Start:
 
     def _placed(self) -> tuple[Array, Array]:
         """Values and rates (n,) of the coordinates."""
-        plan, loose = self.plan, self._loose
+        plan, loose = self.plan, self.plan.loose
         start = self.nominal.assembly
         if plan.scene.initial.elastic == 'smooth':
             start = self._smooth()
@@ -165,7 +161,7 @@ class Start:
 
     def _alike(self, c: str) -> bool:
         """True if a coordinate means the same with clearance as without."""
-        both = self.plan.ideal, self._loose
+        both = self.plan.ideal, self.plan.loose
         slides = [m.tree_joints.get(c) if c in m.sliding else None for m in both]
         return slides[0] == slides[1]
 
@@ -175,7 +171,7 @@ class Start:
         Where they do, ideal joints stay closed, and the pins are as little off their seats as can
         be, measured in their clearances.
         """
-        loose, specs = self._loose, self.plan.clearances
+        loose, specs = self.plan.loose, self.plan.clearances
         names = loose.coordinates
         guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
         fixed = [c for c in names if c in held or c in given]
@@ -227,7 +223,7 @@ class Start:
 
         Links keep turning as they would without clearance while ideal joints can stay closed so.
         """
-        plan, loose = self.plan, self._loose
+        plan, loose = self.plan, self.plan.loose
         near = dict(zip(loose.coordinates, rates.tolist(), strict=True))
         kinematics = plan.loops(held)
         driven = {c: plan.held[c][1] for c in held if c not in plan.assumed[1]}
@@ -256,7 +252,7 @@ class Start:
         ----------
         q, v : (n, 1) of the ideal mechanism
         """
-        plan, mechanism = self.plan, self._loose
+        plan, mechanism = self.plan, self.plan.loose
         found: dict[str, Array] = {}
         pressed = {
             name: isinstance(mechanism.joint(name), Revolute)
@@ -323,7 +319,7 @@ class Start:
         """Forces (j, 2), NaN where redundant constraints leave them open without clearance."""
         if self.nominal.assembly.dependent:
             found, forces = self.nominal.open_forces(self.nominal.assembly.q), forces.copy()
-            open_ = [found.get(joint.name, frozenset()) for joint in self._loose.joints]
+            open_ = [found.get(joint.name, frozenset()) for joint in self.plan.loose.joints]
             forces[[bool({'x', 'y'} & parts) for parts in open_]] = np.nan
         return forces
 

@@ -174,12 +174,7 @@ def _check_way(machine: Machine, duration: float) -> None:
 
 
 def _try_way(machine: Machine, duration: float) -> None:
-    """Refuse a way that cannot be followed, see `_check_way`; its tried ends are entered.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a way that cannot be followed, see `_check_way`; its tried ends are entered."""
     tried = machine.drive.ways_tried
     _check_stops(machine, duration)
     if machine.torque_driven:

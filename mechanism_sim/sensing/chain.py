@@ -147,21 +147,16 @@ class Noise(Part):
 
 @dataclass(frozen=True)
 class Instrument:
-    """All of an instrument; its default is ideal.
+    """All of an instrument; its default is ideal."""
 
-    Attributes
-    ----------
-    sample_rate : [Hz]
-    quantity : one of `QUANTITIES`; acceleration is integrated for velocity and displacement
-    impact_pulse : [s] how long an impact lasts, as half of a sine; without, it is an impulse
-    """
-
-    sample_rate: float
+    sample_rate: float  #: [Hz]
     transducer: Transducer = field(default_factory=Transducer)
     amplifier: Amplifier = field(default_factory=Amplifier)
+    #: one of `QUANTITIES`; acceleration is integrated for velocity and displacement
     quantity: str = 'acceleration'
     integrator: Integrator | None = None
     anti_alias: AntiAlias | None = None
+    #: [s] how long an impact lasts, as half of a sine; without, it is an impulse
     impact_pulse: float | None = None
     trigger: Trigger | None = None
     adc: Converter = field(default_factory=Converter)

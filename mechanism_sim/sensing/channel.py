@@ -22,14 +22,11 @@ from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, exact_sum, first_d
 from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.sensing.chain import Instrument, half_sine
 
-_TOUCH = 1e-12
-"""Distance [turns] within which a drive is at an angle: it may rest there."""
-_FARTHEST = 0.49
-"""Largest jitter, in sampling periods, so that no sample overtakes another."""
+_TOUCH = 1e-12  # distance [turns] within which a drive is at an angle: it may rest there
+_FARTHEST = 0.49  # largest jitter, in sampling periods, so that no sample overtakes another
 BLOCK = 256
 """Number of samples of a block without a trigger."""
-_MOST = 100_000_000
-"""Largest number of samples of one motion: they take some gigabytes."""
+_MOST = 100_000_000  # largest number of samples of one motion: they take some gigabytes
 _TOGETHER = 100_000  # samples that are computed at once
 
 

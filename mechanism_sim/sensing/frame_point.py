@@ -29,10 +29,6 @@ class PointOnFrame:
     axis : 'along' the world's x axis or 'across' it, or its angle from there [rad]
     gravity : gravity [m/s^2], subtracted from the acceleration
     transverse : transverse sensitivity, to the acceleration 90 degrees on from the axis
-
-    Attributes
-    ----------
-    inputs : number of inputs, n and one more for gravity
     """
 
     def __init__(
@@ -49,7 +45,7 @@ class PointOnFrame:
         way = math.hypot(1.0, transverse) * np.array([math.cos(turn), math.sin(turn)])
         self._outputs = way @ frame.motion_of(at)
         self._weight = -float(way @ gravity)
-        self.inputs = frame.freedom + 1
+        self.inputs = frame.freedom + 1  #: number of inputs, n and one more for gravity
 
     def through(self, chain: Rational) -> Modes:
         """The system from the forces, and from gravity, to the output of a chain."""

@@ -39,30 +39,23 @@ class Indicators:
 
     What is about zero counts a constant part of the signal, such as gravity; what is about the
     mean does not.
-
-    Attributes
-    ----------
-    samples : N
-    mean, rms, peak : ``sum(x)/N``, ``sqrt(sum(x^2)/N)``, ``max |x|``, in units of x
-    crest : peak / rms; sqrt(2) for a sine
-    kurtosis : fourth central moment over the squared variance: 3 for Gaussian noise, 1.5 for a
-        sine, more the more a signal consists of shocks
-    skewness : third central moment over the 3/2th power of the variance: 0 if symmetric
-    shape : rms / mean |x|; pi / (2 sqrt(2)) for a sine
-    impulse : peak / mean |x|; pi / 2 for a sine
-    clearance : peak / (mean sqrt |x|)^2: like the crest factor, with less weight on the peaks in
-        its denominator
     """
 
-    samples: int
+    samples: int  #: N
+    #: ``sum(x)/N``, ``sqrt(sum(x^2)/N)``, ``max |x|``, in units of x
     mean: float
     rms: float
     peak: float
-    crest: float | None
+    crest: float | None  #: peak / rms; sqrt(2) for a sine
+    #: fourth central moment over the squared variance: 3 for Gaussian noise, 1.5 for a sine, more
+    #: the more a signal consists of shocks
     kurtosis: float | None
+    #: third central moment over the 3/2th power of the variance: 0 if symmetric
     skewness: float | None
-    shape: float | None
-    impulse: float | None
+    shape: float | None  #: rms / mean |x|; pi / (2 sqrt(2)) for a sine
+    impulse: float | None  #: peak / mean |x|; pi / 2 for a sine
+    #: peak / (mean sqrt |x|)^2: like the crest factor, with less weight on the peaks in its
+    #: denominator
     clearance: float | None
 
 

@@ -22,17 +22,13 @@ from mechanism_sim.planar.view import Side, Trajectory
 
 @dataclass(frozen=True)
 class JointView:
-    """A joint at N instants of an observed machine.
-
-    Attributes
-    ----------
-    modes : (m, N) modes of the gaps of the machine, see `mechanism_sim.engine.events.Mode`
-    """
+    """A joint at N instants of an observed machine."""
 
     mechanism: Mechanism
     joint: Joint
     physics: Physics
     observed: Observation
+    #: (m, N) modes of the gaps of the machine, see `mechanism_sim.engine.events.Mode`
     modes: NDArray[np.uint8]
 
     @property

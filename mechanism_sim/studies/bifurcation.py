@@ -44,36 +44,29 @@ _OF_IMPACTS = {
 DIRECTIONS = 'up', 'down'
 _NOTHING: dict[str, Any] = {'period': 0, 'impacts': 0.0, 'points': [], 'returns': []}
 START = 'start'
-_RETURN = 1e-2
-"""Share of the free travel in clearances within which sections are the same."""
+_RETURN = 1e-2  # share of the free travel in clearances within which sections are the same
 ONE = 5.0 * _RETURN
 """Share of the free travel within which sections of two runs are of one response."""
-_OF_RANGE = 1e-4
-"""Share of the range of a rate or displacement within which sections are the same."""
+_OF_RANGE = 1e-4  # share of the range of a rate or displacement within which sections are the same
 APART = 0.381966
 """Share of a turn before its end at which sections are compared. Machines often begin at an
 impact, and at that very instant rates have two values."""
-_MOST_POINTS = 400
-"""Number of points of a section at impacts that are kept: the last ones."""
+_MOST_POINTS = 400  # number of points of a section at impacts that are kept: the last ones
 _FEWEST = 10
 """Least number of turns of a run, or a quarter of the transient if more: a motion that repeats
 earlier may be an unstable one near the start of the run."""
 _SHARED, _LEAST = 4000, {'transient': 8, 'keep': 16}
 """Number of turns of all values in one direction, and least numbers for each: runs at neighbouring
 values begin near their limits, and their sections fill a diagram together."""
-_SEEN = 4
-"""Least number of turns over which a transient is compared with as many before."""
+_SEEN = 4  # least number of turns over which a transient is compared with as many before
 _SETTLED = 1e-3
 """Share of the distance within which sections are the same: remainder of a transient."""
-_PATIENT = 8
-"""Factor on the planned turns for motions that still converge."""
+_PATIENT = 8  # factor on the planned turns for motions that still converge
 _EVEN, _FALLEN, _STEADY = 0.8, 0.8, 0.95
 """Criteria of a decay: least ratio of its logarithmic rates, largest remaining share, and least
 share of turns with a decrease. They hold where no motion repeats."""
-_CLEAR = 10.0
-"""Least ratio of the distance between turns of a period to the rest of the transient."""
-_BENT = 0.5
-"""Largest difference between steps from response to response on one branch, relative."""
+_CLEAR = 10.0  # least ratio of the distance between turns of a period to the rest of the transient
+_BENT = 0.5  # largest difference between steps from response to response on one branch, relative
 _SEEN_AHEAD, _NUDGE = 2, 1e-5
 """Number of turns compared in a run from an extrapolated start, and offset of that start over the
 distance within which sections are the same. The offset grows if the extrapolated response has
@@ -82,23 +75,16 @@ become unstable."""
 
 @dataclass(frozen=True)
 class SectionPlan:
-    """Sections of a motion: their quantities, and the turns at which they are taken.
+    """Sections of a motion: their quantities, and the turns at which they are taken."""
 
-    Attributes
-    ----------
-    of : names of the quantities of a section
-    joint : joint at whose impacts it is taken; once a turn of the drive if empty
-    transient, keep : turns of the drive until the motion has settled, and of the section; fewer
-        where it repeats itself before, and of more than 100 values of `bifurcation` if not given,
-        but for those that begin as the scene does
-    longest : longest period considered [turns]
-    """
-
-    of: tuple[str, ...]
-    joint: str = ''
+    of: tuple[str, ...]  #: names of the quantities of a section
+    joint: str = ''  #: joint at whose impacts it is taken; once a turn of the drive if empty
+    #: turns of the drive until the motion has settled, and of the section; fewer where it repeats
+    #: itself before, and of more than 100 values of `bifurcation` if not given, but for those that
+    #: begin as the scene does
     transient: int = 60
     keep: int = 60
-    longest: int = 16
+    longest: int = 16  #: longest period considered [turns]
 
 
 TURNS = dict.fromkeys(('transient', 'keep', 'longest'), 'int')

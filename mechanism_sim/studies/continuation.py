@@ -31,24 +31,17 @@ from mechanism_sim.studies.bifurcation import APART, ONE, Bifurcation, measure
 from mechanism_sim.studies.periodic import PoincareMap, without_turns
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
-_RESIDUAL = 1e-10
-"""Residual of a period: change of an angle, or of a rate over the crank's speed."""
-_ROUNDING = 1e-12
-"""Rounding of a state, in the same measure; a period makes it grow."""
+_RESIDUAL = 1e-10  # residual of a period: change of an angle, or of a rate over the crank's speed
+_ROUNDING = 1e-12  # rounding of a state, in the same measure; a period makes it grow
 _ROUNDS = 12
-_FASTER = 0.2
-"""Ratio of residuals that a step of Newton's method must reach with old derivatives."""
+_FASTER = 0.2  # ratio of residuals that a step of Newton's method must reach with old derivatives
 _FIRST, _LONGEST, _LEAST = 0.02, 0.1, 1e-6
 """First, longest and shortest step; the range of the parameter is 1."""
-_BEYOND = 0.01
-"""Share of the range beyond a grazing impact at which a continuation is sought."""
-_TURNED = 0.9
-"""Least cosine between the tangents of neighbours."""
-_MOST = 400
-"""Largest number of points of a branch, to each side."""
+_BEYOND = 0.01  # share of the range beyond a grazing impact at which a continuation is sought
+_TURNED = 0.9  # least cosine between the tangents of neighbours
+_MOST = 400  # largest number of points of a branch, to each side
 _MOST_BRANCHES = 50
-_SEEN = 5
-"""Number of points from which a grazing is extrapolated."""
+_SEEN = 5  # number of points from which a grazing is extrapolated
 _CLOSE = 0.1
 """Change of a multiplier's size from point to point, beside 1 and itself, without a grazing."""
 _STEEP = 2e3
@@ -57,8 +50,7 @@ _HALVED = 0.1
 """Share of the largest half-period change on a branch below which rounding decides a flip."""
 _BENT = 0.1
 """Largest deviation of neighbours on a branch from a parabola, relative to their change."""
-_STABLE = 1e-7
-"""Margin by which the size of a multiplier must be below 1."""
+_STABLE = 1e-7  # margin by which the size of a multiplier must be below 1
 
 
 @dataclass(frozen=True, eq=False)

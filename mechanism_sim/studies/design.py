@@ -50,19 +50,12 @@ _FORMS = (
 
 
 class Factor(NamedTuple):
-    """A value that is varied.
+    """A value that is varied."""
 
-    Attributes
-    ----------
-    path : dotted
-    text : distribution as text
-    distribution : frozen, of `scipy.stats`, in SI units
-    """
-
-    path: str
-    text: str
+    path: str  #: dotted
+    text: str  #: distribution as text
     unit: str
-    distribution: Any
+    distribution: Any  #: frozen, of `scipy.stats`, in SI units
 
     def check_unit(self, units: Sequence[str]) -> None:
         """Refuse another unit than those of the key that is varied, if they are known."""

@@ -18,8 +18,7 @@ from mechanism_sim.studies.design import INDICES, SIGMAS
 from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row
 
-_CLASSES = 8
-"""Into which the values of a factor are put, at most."""
+_CLASSES = 8  # into which the values of a factor are put, at most
 _LEAST = 5  # runs of a class
 
 
@@ -35,50 +34,39 @@ class FactorLevel:
 
 @dataclass(frozen=True)
 class Effect:
-    """Effect of one factor on one measure, in the mean over all others.
-
-    Attributes
-    ----------
-    levels : the main effect: means at values of the factor
-    effect : greatest less least of these means
-    share : of the variance that the factor explains by itself: epsilon squared, the correlation
-        ratio without what classes of so few runs explain by chance (Kelley 1935)
-    chance : an effect that drawn runs exceed by chance in 5 % of designs where there is none
-        (Tukey's range of means); None where the others have the same values in all classes, and
-        where indices have intervals
-    first, total : indices of Sobol and their 95 % intervals, of a design for them only
-    """
+    """Effect of one factor on one measure, in the mean over all others."""
 
     factor: str
     measure: str
-    levels: tuple[FactorLevel, ...]
-    effect: float
+    levels: tuple[FactorLevel, ...]  #: the main effect: means at values of the factor
+    effect: float  #: greatest less least of these means
+    #: of the variance that the factor explains by itself: epsilon squared, the correlation ratio
+    #: without what classes of so few runs explain by chance (Kelley 1935)
     share: float
+    #: an effect that drawn runs exceed by chance in 5 % of designs where there is none (Tukey's
+    #: range of means); None where the others have the same values in all classes, and where
+    #: indices have intervals
     chance: float | None = None
+    #: indices of Sobol and their 95 % intervals, of a design for them only
     first: tuple[float, float, float] | None = None
     total: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Exceedance:
-    """Share of runs that exceed limits, with its 95 % interval (Clopper and Pearson).
-
-    Attributes
-    ----------
-    runs : number of independently drawn runs with a figure
-    least, limit : the lower and the upper limit, None if there is none
-    capability : Cpk, how many times three standard deviations fit between the mean and the nearer
-        limit; None if runs do not differ
-    """
+    """Share of runs that exceed limits, with its 95 % interval (Clopper and Pearson)."""
 
     measure: str
+    #: the lower and the upper limit, None if there is none
     least: float | None
     limit: float | None
-    runs: int
+    runs: int  #: number of independently drawn runs with a figure
     beyond: int
     share: float
     low: float
     high: float
+    #: Cpk, how many times three standard deviations fit between the mean and the nearer limit;
+    #: None if runs do not differ
     capability: float | None
 
 
@@ -111,8 +99,7 @@ def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
     return found
 
 
-_ALIKE = 1e-12
-"""Times the largest value: runs that differ by less do not differ."""
+_ALIKE = 1e-12  # times the largest value: runs that differ by less do not differ
 
 
 def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:

@@ -37,11 +37,9 @@ from mechanism_sim.studies.synthesis import (
 from mechanism_sim.units import argument
 
 _STARTS, _STEPS = 1 << 11, 40
-_REACH = 8.0
-"""Greatest distance of points and centres from the first position, in sizes of all."""
+_REACH = 8.0  # greatest distance of points and centres from the first position, in sizes of all
 _SAME = 1e-5
-_DYADS, _NEAR = 48, 10
-"""Points that are combined, if exact and if near to circles only."""
+_DYADS, _NEAR = 48, 10  # points that are combined, if exact and if near to circles only
 _EXACT = 1e-9
 _TURN = 2.0 * math.pi
 

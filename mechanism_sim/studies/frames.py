@@ -57,21 +57,14 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
 
 
 class Vibrating(NamedTuple):
-    """A linear system: ``M z'' + C z' + K z = F``, all (n, n).
-
-    Attributes
-    ----------
-    machine : name of the machine
-    what : of it, behind "a resonance", where it is a part
-    advice : advice on a resonance
-    """
+    """A linear system: ``M z'' + C z' + K z = F``, all (n, n)."""
 
     M: Array
     C: Array
     K: Array
-    machine: str
-    what: str
-    advice: str
+    machine: str  #: name of the machine
+    what: str  #: of it, behind "a resonance", where it is a part
+    advice: str  #: advice on a resonance
 
     def impedance(self, w: Array) -> ComplexArray:
         """Forces per displacement (N, n, n) at frequencies w (N,) [rad/s]; refuses resonances."""

@@ -72,17 +72,11 @@ _EXACT = 1e-9  # share of a signal: residual of an exact fit without noise
 
 @dataclass(frozen=True, eq=False)
 class WindowFit:
-    """The least squares of a window.
+    """The least squares of a window."""
 
-    Attributes
-    ----------
-    place : (k,) shares of the ranges of the parameters, on their scales
-    part : share of every signal, from its first sample on
-    residuals, slopes : residuals (M,) and derivatives (M, k) of each signal, in its unit
-    """
-
-    place: Array
-    part: float
+    place: Array  #: (k,) shares of the ranges of the parameters, on their scales
+    part: float  #: share of every signal, from its first sample on
+    #: residuals (M,) and derivatives (M, k) of each signal, in its unit
     residuals: list[Array]
     slopes: list[Array]
 

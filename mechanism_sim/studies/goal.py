@@ -28,18 +28,11 @@ _BOUND = "MEASURE < VALUE, as in 'largest(reaction.pin) < 12 kN', with <, <=, >,
 
 
 class Goal(NamedTuple):
-    """Goal for a measure of a cycle.
+    """Goal for a measure of a cycle."""
 
-    Attributes
-    ----------
-    name : the measure as it is written, or its name in the scene
-    kind : least, greatest, or how it compares with `wanted`: ``=``, ``<``, ``>``
-    wanted : target value, or limit
-    """
-
-    name: str
-    kind: str
-    wanted: str = ''
+    name: str  #: the measure as it is written, or its name in the scene
+    kind: str  #: least, greatest, or how it compares with `wanted`: ``=``, ``<``, ``>``
+    wanted: str = ''  #: target value, or limit
 
     @property
     def is_extreme(self) -> bool:
@@ -119,18 +112,12 @@ def read_bound(text: str, refusal: str) -> Goal:
 
 @dataclass(frozen=True)
 class CycleTrial:
-    """Cycles of a scene in which numbers are changed; it can be sent to other processes.
-
-    Attributes
-    ----------
-    content : keys and values of the scene, as in a file
-    how : arguments of `cycle`
-    """
+    """Cycles of a scene in which numbers are changed; it can be sent to other processes."""
 
     name: str
-    content: dict[str, Any]
+    content: dict[str, Any]  #: keys and values of the scene, as in a file
     measures: tuple[Measure, ...]
-    how: dict[str, Any]
+    how: dict[str, Any]  #: arguments of `cycle`
 
     @classmethod
     def of(cls, machine: Machine, goals: Sequence[Goal], how: dict[str, Any]) -> CycleTrial:

@@ -51,18 +51,12 @@ _BISECTIONS = 50  # number of bisections that locate an edge to rounding
 
 @dataclass(frozen=True)
 class Harmonics:
-    """The steady vibration under periodic excitation: a rotating drive, loads over time.
+    """The steady vibration under periodic excitation: a rotating drive, loads over time."""
 
-    Attributes
-    ----------
-    period : [s]
-    series : series by quantity, the mean counted from the equilibrium at rest
-    units : units of the quantities
-    """
-
-    period: float
+    period: float  #: [s]
+    #: series by quantity, the mean counted from the equilibrium at rest
     series: dict[str, FourierSeries]
-    units: dict[str, str]
+    units: dict[str, str]  #: units of the quantities
 
 
 def harmonics(

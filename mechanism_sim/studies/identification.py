@@ -53,20 +53,15 @@ _LOST = 0.05  # likeness below which a box seems not to hold the truth any more
 
 @dataclass(frozen=True)
 class IdentifiedParameter:
-    """A parameter that was looked for.
-
-    Attributes
-    ----------
-    value : median of what it may be
-    low, high : limits; all parameters together are within theirs with 95 % (Bonferroni)
-    share : of the width that was allowed, on the parameter's scale, that the interval still has;
-        nearly 1 of a parameter without effect on the signal
-    """
+    """A parameter that was looked for."""
 
     parameter: Parameter
-    value: float
+    value: float  #: median of what it may be
+    #: limits; all parameters together are within theirs with 95 % (Bonferroni)
     low: float
     high: float
+    #: of the width that was allowed, on the parameter's scale, that the interval still has; nearly
+    #: 1 of a parameter without effect on the signal
     share: float
 
     @property
@@ -77,21 +72,14 @@ class IdentifiedParameter:
 
 @dataclass(frozen=True)
 class Residual:
-    """The rest of a signal less that of a run with the values found.
+    """The rest of a signal less that of a run with the values found."""
 
-    Attributes
-    ----------
-    name, unit : name and unit of the signal
-    rms : root mean square, in `unit`
-    share : `rms` over that of the signal about its mean, in the same window
-    offset : mean of the rest
-    """
-
+    #: name and unit of the signal
     name: str
     unit: str
-    rms: float
-    share: float
-    offset: float = 0.0
+    rms: float  #: root mean square, in `unit`
+    share: float  #: `rms` over that of the signal about its mean, in the same window
+    offset: float = 0.0  #: mean of the rest
 
     @property
     def turns(self) -> int:
@@ -104,33 +92,25 @@ class Residual:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The outcome.
+    """The outcome."""
 
-    Attributes
-    ----------
-    estimates : in the order of the parameters
-    correlation : (k, k) of their errors
-    simulations, failed : numbers of runs
-    misfit : how far the signal, or its features by regression, are from those of a simulation with
-        the values found, in standard deviations of the noise (root mean square); not a number
-        where nobody says what the noise is
-    likeness : share of the simulations of the last round that are as far from what they should be;
-        if it is nearly 0, the scene or its chain is not that of the measurement
-    method, reason : chosen method, and the reason
-    window : duration of the compared part of the signals [s]
-    residuals : residuals of each signal, by Gauss-Newton
-    """
-
-    estimates: tuple[IdentifiedParameter, ...]
-    correlation: Array
+    estimates: tuple[IdentifiedParameter, ...]  #: in the order of the parameters
+    correlation: Array  #: (k, k) of their errors
+    #: numbers of runs
     simulations: int
     failed: int
+    #: how far the signal, or its features by regression, are from those of a simulation with the
+    #: values found, in standard deviations of the noise (root mean square); not a number where
+    #: nobody says what the noise is
     misfit: float
+    #: share of the simulations of the last round that are as far from what they should be; if it
+    #: is nearly 0, the scene or its chain is not that of the measurement
     likeness: float
+    #: chosen method, and the reason
     method: str = _REGRESSION
     reason: str = ''
-    window: float = math.inf
-    residuals: tuple[Residual, ...] = ()
+    window: float = math.inf  #: duration of the compared part of the signals [s]
+    residuals: tuple[Residual, ...] = ()  #: residuals of each signal, by Gauss-Newton
 
     @property
     def plausible(self) -> bool:

@@ -25,23 +25,14 @@ _RANGE = 100.0  # times slower and faster than the scene's
 
 @dataclass(frozen=True)
 class LiftOff:
-    """A cam that its follower can leave.
+    """A cam that its follower can leave."""
 
-    Attributes
-    ----------
-    joint : name of the joint
-    least_force : least force over a turn at the scene's speed [N]; negative if tensile
-    least_force_at : angle of the drive there [rad]
-    lift_off_speed : least drive speed with loss of contact [rad/s]; None: no loss at any speed
-        tried
-    lift_off_at : angle of the drive where it is lost first [rad]
-    """
-
-    joint: str
-    least_force: float
-    least_force_at: float
+    joint: str  #: name of the joint
+    least_force: float  #: least force over a turn at the scene's speed [N]; negative if tensile
+    least_force_at: float  #: angle of the drive there [rad]
+    #: least drive speed with loss of contact [rad/s]; None: no loss at any speed tried
     lift_off_speed: float | None = None
-    lift_off_at: float | None = None
+    lift_off_at: float | None = None  #: angle of the drive where it is lost first [rad]
 
 
 def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None) -> list[LiftOff]:

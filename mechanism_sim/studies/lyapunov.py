@@ -23,14 +23,11 @@ from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.studies.periodic import PoincareMap
 
-_DIGITS = 16.0
-"""Digits at the start of a run."""
-_ALIGNING = 10
-"""Number of turns until any directions have aligned with those of fastest growth."""
+_DIGITS = 16.0  # digits at the start of a run
+_ALIGNING = 10  # number of turns until any directions have aligned with those of fastest growth
 _LOST = 64.0 * float(np.finfo(float).eps)
 """Share of the largest growth in a turn, or of 1, below which a direction is rounding."""
-_WINDOW = 64
-"""Segments, after each of which errors of the steps join those of the run so far."""
+_WINDOW = 64  # segments, after each of which errors of the steps join those of the run so far
 
 
 @dataclass(frozen=True)
@@ -134,20 +131,13 @@ def lyapunov(
 
 @dataclass(frozen=True)
 class Horizon:
-    """Prediction horizon of one run: the time for which its digits hold.
+    """Prediction horizon of one run: the time for which its digits hold."""
 
-    Attributes
-    ----------
-    digits : digits of the steps' accuracy
-    left : that hold at the end of the run, or where it is given up; of the range of its motion
-    time : [s] from which on no digit holds; infinite if some hold to the end
-    limit : limit of the derivatives, if they end before
-    """
-
-    digits: float
+    digits: float  #: digits of the steps' accuracy
+    #: that hold at the end of the run, or where it is given up; of the range of its motion
     left: float
-    time: float
-    limit: DerivativeLimit | None = None
+    time: float  #: [s] from which on no digit holds; infinite if some hold to the end
+    limit: DerivativeLimit | None = None  #: limit of the derivatives, if they end before
 
 
 def check_horizon(machine: Machine) -> None:

@@ -100,19 +100,14 @@ class Roots(tuple[complex, ...]):
 
 @dataclass(frozen=True)
 class NormalMode:
-    """A free motion in which all coordinates keep their proportions and phases.
+    """A free motion in which all coordinates keep their proportions and phases."""
 
-    Attributes
-    ----------
-    roots : roots of its growth or decay, from which all figures follow
-    shape : complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1;
-        angles are compared with displacements over the size of the mechanism
-    whirl : how round the axes of rotors go, from -1, a circle against their rotation, over 0, to
-        and fro, to 1, a circle with it; None if no rotor turns, or no axis moves
-    """
-
-    roots: Roots
+    roots: Roots  #: roots of its growth or decay, from which all figures follow
+    #: complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1; angles
+    #: are compared with displacements over the size of the mechanism
     shape: dict[str, complex]
+    #: how round the axes of rotors go, from -1, a circle against their rotation, over 0, to and
+    #: fro, to 1, a circle with it; None if no rotor turns, or no axis moves
     whirl: float | None = None
 
     @property
@@ -165,23 +160,14 @@ class Station(NamedTuple):
 
 @dataclass(frozen=True)
 class LinearMachine:
-    """A scene linearised about one point: ``M z'' + C z' + K z = B^T f``.
-
-    Attributes
-    ----------
-    derivatives : derivatives of its equations of motion
-    at : the point
-    linear : the equations of all coordinates there
-    B : (n, f) how all coordinates move with the f independent ones
-    independent : their indices
-    """
+    """A scene linearised about one point: ``M z'' + C z' + K z = B^T f``."""
 
     machine: Machine
-    derivatives: Linearisation
-    at: Point
-    linear: Linear
-    B: Array
-    independent: list[int]
+    derivatives: Linearisation  #: derivatives of its equations of motion
+    at: Point  #: the point
+    linear: Linear  #: the equations of all coordinates there
+    B: Array  #: (n, f) how all coordinates move with the f independent ones
+    independent: list[int]  #: their indices
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:

@@ -27,16 +27,11 @@ from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.trials import HELD, Aims, Trials
 from mechanism_sim.tables import Column
 
-_REACHED = 1e-9
-"""Share of the range of a measure within which a goal is reached."""
-_STARTS = 3
-"""Best places from which a search goes on until one has reached the goals."""
-_ENDED = 1e-8
-"""Share of the limits within which a search does not distinguish places."""
-_AT_END = 1e-6
-"""Share of the limits within which values of least squares are at a limit."""
-_ACTIVE, _FLAT = 1e-7, 1e-5
-"""Distance from a limit that is none, and slope of a cost that is none."""
+_REACHED = 1e-9  # share of the range of a measure within which a goal is reached
+_STARTS = 3  # best places from which a search goes on until one has reached the goals
+_ENDED = 1e-8  # share of the limits within which a search does not distinguish places
+_AT_END = 1e-6  # share of the limits within which values of least squares are at a limit
+_ACTIVE, _FLAT = 1e-7, 1e-5  # distance from a limit that is none, and slope of a cost that is none
 
 
 class Held(NamedTuple):
@@ -117,18 +112,11 @@ class Optimum:
 
 
 class Budget(NamedTuple):
-    """Budget of an optimisation.
+    """Budget of an optimisation."""
 
-    Attributes
-    ----------
-    samples : places that are tried first; at least designs of a generation of a front
-    everywhere : search between all limits by differential evolution
-    evaluations : cycles after which evolutions end
-    """
-
-    samples: int
-    everywhere: bool
-    evaluations: int
+    samples: int  #: places that are tried first; at least designs of a generation of a front
+    everywhere: bool  #: search between all limits by differential evolution
+    evaluations: int  #: cycles after which evolutions end
 
 
 class _Search:

@@ -34,26 +34,19 @@ _FACTORS = {'radial': (0.4, 2.5), NOISE: (1.0 / 3.0, 3.0)}  # times the value of
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a scene.
+    """A number of a scene."""
 
-    Attributes
-    ----------
-    name : short, or its path
-    path : dotted, as in overrides
-    low, high : limits within which it is looked for, in SI units
-    choices : the values of one that takes no others, in their order; its limits are 0 and 1
-    unit, scale : unit of its limits as written, and value in it of 1 in SI units
-    si : SI unit
-    """
-
-    name: str
-    path: str
+    name: str  #: short, or its path
+    path: str  #: dotted, as in overrides
+    #: limits within which it is looked for, in SI units
     low: float
     high: float
+    #: the values of one that takes no others, in their order; its limits are 0 and 1
     choices: tuple[Any, ...] = ()
+    #: unit of its limits as written, and value in it of 1 in SI units
     unit: str = ''
     scale: float = 1.0
-    si: str = ''
+    si: str = ''  #: SI unit
 
     @property
     def logarithmic(self) -> bool:

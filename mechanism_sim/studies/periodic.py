@@ -31,26 +31,17 @@ from mechanism_sim.scene.plan import restart
 
 @dataclass(frozen=True)
 class PeriodicResponse:
-    """A periodic response.
+    """A periodic response."""
 
-    Attributes
-    ----------
-    period : revolutions after which it repeats
-    residual : largest change of an angle [rad], or of a rate over the crank's speed, in a period
-    state : state at the start angle of the crank
-    impacts : number of impacts in a period
-    impulse : sum of their normal impulses [N s]
-    multipliers : Floquet multipliers, by which a small change of the state grows in a period
-    spread : largest change of a multiplier from this period to the next: their error
-    """
-
-    period: int
+    period: int  #: revolutions after which it repeats
+    #: largest change of an angle [rad], or of a rate over the crank's speed, in a period
     residual: float
-    state: State
-    impacts: int
-    impulse: float
+    state: State  #: state at the start angle of the crank
+    impacts: int  #: number of impacts in a period
+    impulse: float  #: sum of their normal impulses [N s]
+    #: Floquet multipliers, by which a small change of the state grows in a period
     multipliers: tuple[complex, ...]
-    spread: float
+    spread: float  #: largest change of a multiplier from this period to the next: their error
 
     @property
     def stable(self) -> bool | None:
@@ -59,8 +50,7 @@ class PeriodicResponse:
         return None if abs(largest - 1.0) <= self.spread else largest < 1.0
 
 
-_REACHED = 1e-9
-"""Residual of a periodic response."""
+_REACHED = 1e-9  # residual of a periodic response
 CLOCK = (
     "of a force that repeats let a wheel 'clock' be driven at constant speed, 2.8 rad/s, and "
     'write cos(clock) instead of cos(2.8*t)'
@@ -94,11 +84,6 @@ class PoincareMap:
     Parameters
     ----------
     paths : dotted, of P numbers of its scene, by which `sensitivity` has derivatives
-
-    Attributes
-    ----------
-    scale : (w,) sizes of the w numbers of a state: free coordinates, their rates, and states of
-        first order, which a `State` has over these already
     """
 
     def __init__(self, machine: Machine, paths: Sequence[str] = ()) -> None:
@@ -123,6 +108,8 @@ class PoincareMap:
         size = np.where(slides, mechanism.size, 1.0)  # [m] or [rad]
         self._turns = np.where(slides, 0.0, float(TWO_PI))
         states = [state.scale for state in machine.equations.system.states]
+        #: (w,) sizes of the w numbers of a state: free coordinates, their rates, and states of
+        #: first order, which a `State` has over these already
         self.scale = np.concatenate([size, speed * size, states])
 
     def start(self, state: State) -> State:

@@ -76,16 +76,11 @@ _RADIAL = '.clearance.radial'
 
 @dataclass(frozen=True)
 class Extent:
-    """Length of every run of a sweep: `revolutions`, or a `duration` [s].
-
-    Attributes
-    ----------
-    skip : initial part without figures, in the same measure
-    """
+    """Length of every run of a sweep: `revolutions`, or a `duration` [s]."""
 
     revolutions: int | None
     duration: float | None
-    skip: float
+    skip: float  #: initial part without figures, in the same measure
 
     def edges(self, machine: Machine) -> tuple[NDArray[np.float64], int]:
         """Ends of the intervals that are counted [s], and how many of the first are left out.
@@ -102,24 +97,16 @@ class Extent:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a sweep.
-
-    Attributes
-    ----------
-    values : swept values by dotted path, in SI units
-    given : swept values as in the file
-    key : a fingerprint of all that its row follows from
-    measures : measures as ``NAME = TEXT`` or ``TEXT``
-    refused : why the machine cannot be assembled or moved at these values; empty if it can
-    """
+    """One run of a sweep."""
 
     index: int
     name: str
     scene: Scene
-    values: Mapping[str, float | str | bool | None]
-    given: Mapping[str, Any]
-    key: str
-    measures: tuple[str, ...] = ()
+    values: Mapping[str, float | str | bool | None]  #: swept values by dotted path, in SI units
+    given: Mapping[str, Any]  #: swept values as in the file
+    key: str  #: a fingerprint of all that its row follows from
+    measures: tuple[str, ...] = ()  #: measures as ``NAME = TEXT`` or ``TEXT``
+    #: why the machine cannot be assembled or moved at these values; empty if it can
     refused: str = ''
 
     @property
@@ -137,31 +124,24 @@ class MeasureLimits(NamedTuple):
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """A sweep to be made.
-
-    Attributes
-    ----------
-    columns : paths that are swept, in the order of the file
-    units : SI units of swept values by path, where they are known
-    own : figures of a row that depend on the scene: of its joints and drives, and measures
-    measures : measures as ``NAME = TEXT``
-    factors, design : factors and design of `vary`
-    limits : limits by measure
-    """
+    """A sweep to be made."""
 
     name: str
     title: str
     extent: Extent
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  #: paths that are swept, in the order of the file
     runs: tuple[Run, ...]
     bags: bool
     windows: WindowsPart | None
+    #: SI units of swept values by path, where they are known
     units: Mapping[str, str] = field(default_factory=dict)
+    #: figures of a row that depend on the scene: of its joints and drives, and measures
     own: tuple[ResultColumn, ...] = ()
-    measures: tuple[str, ...] = ()
+    measures: tuple[str, ...] = ()  #: measures as ``NAME = TEXT``
+    #: factors and design of `vary`
     factors: tuple[Factor, ...] = ()
     design: DesignPart | None = None
-    limits: Mapping[str, MeasureLimits] = field(default_factory=dict)
+    limits: Mapping[str, MeasureLimits] = field(default_factory=dict)  #: limits by measure
 
     @property
     def size(self) -> int:

@@ -34,40 +34,24 @@ _AXES = ('x', 'y')
 
 @dataclass(frozen=True)
 class HarmonicSource:
-    """Harmonic excitation of the machine, with an amplitude of one in SI units.
+    """Harmonic excitation of the machine, with an amplitude of one in SI units."""
 
-    Attributes
-    ----------
-    name : requested name
-    unit : unit of its amplitude
-    excitation : a force or a moment, or
-    base : a driven coordinate that moves about its place, or
-    frame : a frame on springs and the load (3,) on it
-    """
-
-    name: str
-    unit: str
-    excitation: Excitation | None = None
-    base: str | None = None
-    frame: tuple[str, Array] | None = None
+    name: str  #: requested name
+    unit: str  #: unit of its amplitude
+    excitation: Excitation | None = None  #: a force or a moment, or
+    base: str | None = None  #: a driven coordinate that moves about its place, or
+    frame: tuple[str, Array] | None = None  #: a frame on springs and the load (3,) on it
 
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Complex amplitudes by quantity, per unit of the source.
+    """Complex amplitudes by quantity, per unit of the source."""
 
-    Attributes
-    ----------
-    source : source of the excitation
-    frequency : (N,) [Hz]
-    amplitudes : (N,) by quantity; the angle is how far it leads the source
-    units : units of the quantities
-    """
-
-    source: HarmonicSource
-    frequency: Array
+    source: HarmonicSource  #: source of the excitation
+    frequency: Array  #: (N,) [Hz]
+    #: (N,) by quantity; the angle is how far it leads the source
     amplitudes: dict[str, ComplexArray]
-    units: dict[str, str]
+    units: dict[str, str]  #: units of the quantities
 
     @property
     def unresolved(self) -> dict[str, list[float]]:

@@ -38,12 +38,6 @@ class SweepTask:
     """One motion of a sweep; `bag` is a file to record it in.
 
     Runs that differ in their sensors only share a motion, and write a shard each.
-
-    Attributes
-    ----------
-    wanted : columns of the row; expensive ones not among them are not computed
-    refused : why there is no run, as `plan.Run` has it
-    keep : include the whole run as `SOLUTION`
     """
 
     key: str
@@ -53,9 +47,10 @@ class SweepTask:
     bag: Path | None = None
     shards: tuple[Shard, ...] = ()
     measures: tuple[str, ...] = ()
+    #: columns of the row; expensive ones not among them are not computed
     wanted: frozenset[str] | None = None
-    keep: bool = False
-    refused: str = ''
+    keep: bool = False  #: include the whole run as `SOLUTION`
+    refused: str = ''  #: why there is no run, as `plan.Run` has it
 
     def row(self) -> Row:
         """Make the run: its figures, its steps and its digest."""

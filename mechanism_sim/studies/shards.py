@@ -38,20 +38,14 @@ Channels = dict[str, Channel]
 
 @dataclass(frozen=True)
 class Shard:
-    """Input of a worker that writes the windows of a run.
-
-    Attributes
-    ----------
-    scene : whose sensors measure the motion; scenes that differ in nothing else share a motion
-    labels : constant columns
-    schema : schema of the file
-    """
+    """Input of a worker that writes the windows of a run."""
 
     file: Path
+    #: whose sensors measure the motion; scenes that differ in nothing else share a motion
     scene: Scene
     windows: WindowsPart
-    labels: Mapping[str, Any]
-    schema: pa.Schema
+    labels: Mapping[str, Any]  #: constant columns
+    schema: pa.Schema  #: schema of the file
 
     @property
     def count(self) -> int:

@@ -30,18 +30,14 @@ from mechanism_sim.studies.columns import MEANS
 
 @dataclass(frozen=True)
 class Statistics:
-    """Means over the revolutions after those skipped; `I_n` is impulse per impact ([SB] 7.3).
-
-    Attributes
-    ----------
-    measures : the mean of what each of them is in every revolution by itself
-    """
+    """Means over the revolutions after those skipped; `I_n` is impulse per impact ([SB] 7.3)."""
 
     revolutions: int
     skipped: int
     means: tuple[Mean, ...]
     I_n: float
     I_n_half_width: float
+    #: the mean of what each of them is in every revolution by itself
     measures: tuple[Mean, ...] = ()
 
 
@@ -51,16 +47,13 @@ class StatisticsAccumulator:
     Parameters
     ----------
     edges : (n + 1,) ends of the intervals [s], rising
-
-    Attributes
-    ----------
-    table : (n, 5) impacts, sum of normal impulses [N s], losses of contact, time in flight [s],
-        energy dissipated by impacts, friction and dampers or taken by loads [J]; flight is the
-        mean over the loose joints
     """
 
     def __init__(self, edges: Array) -> None:
         self.edges = edges
+        #: (n, 5) impacts, sum of normal impulses [N s], losses of contact, time in flight [s],
+        #: energy dissipated by impacts, friction and dampers or taken by loads [J]; flight is the
+        #: mean over the loose joints
         self.table = np.zeros((len(edges) - 1, len(MEANS) - 1))
 
     def add(self, piece: Piece) -> None:

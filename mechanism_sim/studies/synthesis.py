@@ -34,16 +34,13 @@ _LOW, _HIGH = np.array([0.3, 0.3, 0.3, -1.0, -1.5]), np.array([8.0, 8.0, 8.0, 2.
 """Ranges of ground, coupler, rocker in cranks; of the point along and across, in couplers."""
 _TURN = 2.0 * math.pi
 _HARMONICS = np.array([k for k in range(-10, 11) if k])
-_ARCS = np.linspace(0.08, 0.88, 9)
-"""Shares of curves with which open paths are compared."""
+_ARCS = np.linspace(0.08, 0.88, 9)  # shares of curves with which open paths are compared
 _TRIED, KEPT = 60, 5
 """Number of curves from which least squares start, and of solutions kept."""
 _POLISHED = 20
-_EXACT = 1e-6
-"""Share of the size of a path: deviations below those of any machine."""
+_EXACT = 1e-6  # share of the size of a path: deviations below those of any machine
 _PHASES = 48
-_COMPARED = 12
-"""Number of points of an open path that are compared with arcs."""
+_COMPARED = 12  # number of points of an open path that are compared with arcs
 _LARGEST = 30.0
 """Greatest lengths, and distance of the point from the crank pin, in sizes of the path."""
 _MARGIN, _WEIGHT = 0.01, 10.0
@@ -54,8 +51,7 @@ _LEAST_TURN = 0.3
 """Least rotation of the crank along a path [rad]; arcs start with half a radian or more."""
 _NEAR = 1e-6
 """Weight of unknowns, less those where least squares begin: it moves exact points by 1e-12."""
-_STEP = 1e-6
-"""Step of central differences: the third root of the rounding."""
+_STEP = 1e-6  # step of central differences: the third root of the rounding
 
 
 @dataclass(frozen=True)
@@ -202,23 +198,18 @@ def _alike(z: Array, way: Array, even: Array) -> NDArray[np.intp]:
 
 
 class _Atlas:
-    """Four-bars whose cranks turn, and the curves of their coupler points.
-
-    Attributes
-    ----------
-    shapes : (5, N) proportions
-    curves : (N, points) coupler points at even angles of the crank
-    even, turned : (N, points) coupler points at even arc lengths, and crank angles in turns
-    """
+    """Four-bars whose cranks turn, and the curves of their coupler points."""
 
     def __init__(self) -> None:
         cube = scipy.stats.qmc.Sobol(5, rng=np.random.default_rng(1)).random(_CURVES).T
         low, high = _LOW[:, None], _HIGH[:, None]
         shapes = low + cube * (high - low)
         shapes[:3] = low[:3] * (high[:3] / low[:3]) ** cube[:3]
-        self.shapes = shapes[:, full_turns(_lengths(shapes))[0]]
+        self.shapes = shapes[:, full_turns(_lengths(shapes))[0]]  #: (5, N) proportions
         angles = np.linspace(0.0, _TURN, _PLACES, endpoint=False)
+        #: (N, points) coupler points at even angles of the crank
         self.curves = _curve(self.shapes[:, :, None], angles)
+        #: (N, points) coupler points at even arc lengths, and crank angles in turns
         self.even, self.turned = _even(self.curves)
 
     def starts(self, z: Array, at: Array | None, closed: bool) -> list[tuple[Array, Array]]:

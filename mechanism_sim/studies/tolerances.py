@@ -32,47 +32,31 @@ _TAIL = 0.00135  # share of a normal distribution beyond three deviations
 
 @dataclass(frozen=True)
 class Contribution:
-    """Effect of a factor on a measure, in SI units.
-
-    Attributes
-    ----------
-    slope : derivative of the measure by the factor
-    deviation : standard deviation of the measure by this factor alone
-    share : share of the measure's variance
-    low, high : changes of the measure in full runs with the factor at its lower and upper end
-    bent : largest departure of both from the slope
-    """
+    """Effect of a factor on a measure, in SI units."""
 
     factor: str
-    slope: float
-    deviation: float
-    share: float
+    slope: float  #: derivative of the measure by the factor
+    deviation: float  #: standard deviation of the measure by this factor alone
+    share: float  #: share of the measure's variance
+    #: changes of the measure in full runs with the factor at its lower and upper end
     low: float
     high: float
-    bent: float
+    bent: float  #: largest departure of both from the slope
 
 
 @dataclass(frozen=True)
 class ToleranceStack:
-    """A measure and its tolerance.
-
-    Attributes
-    ----------
-    nominal : value with all factors at their means
-    deviation : standard deviation to first order, of independent factors
-    worst : lowest and highest value if all factors are at their ends, to first order
-    corners : the same as full runs have it
-    bent : largest departure of a full run from first order, over three deviations
-    """
+    """A measure and its tolerance."""
 
     measure: str
     unit: str
-    nominal: float
-    deviation: float
+    nominal: float  #: value with all factors at their means
+    deviation: float  #: standard deviation to first order, of independent factors
+    #: lowest and highest value if all factors are at their ends, to first order
     worst: tuple[float, float]
-    corners: tuple[float, float]
+    corners: tuple[float, float]  #: the same as full runs have it
     contributions: tuple[Contribution, ...]
-    bent: float
+    bent: float  #: largest departure of a full run from first order, over three deviations
 
     @property
     def enough(self) -> bool:

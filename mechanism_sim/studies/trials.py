@@ -19,12 +19,9 @@ from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, h
 from mechanism_sim.tables import Column
 
 EXACT, DIFFERENCES, NONE = 'exact', 'differences', 'none'
-_STEP = 1e-7
-"""Step of differences, as part of the limits: the root of the error of measures."""
-_AWAY = 1e6
-"""Distance from a goal, in ranges of a measure, assumed where a machine cannot run."""
-_WHOLE = 1000
-"""Combinations of values of lists that are tried one and all."""
+_STEP = 1e-7  # step of differences, as part of the limits: the root of the error of measures
+_AWAY = 1e6  # distance from a goal, in ranges of a measure, assumed where a machine cannot run
+_WHOLE = 1000  # combinations of values of lists that are tried one and all
 HELD = 1e-9
 """Share of the size of a limit by which an excess is rounding."""
 

@@ -19,18 +19,11 @@ SAME = 'the same'
 
 
 class Comparison(NamedTuple):
-    """A figure under two conditions.
+    """A figure under two conditions."""
 
-    Attributes
-    ----------
-    where : common condition of both
-    ends : text of the differing conditions
-    expected : `MORE`, `LESS` or `SAME` from the first to the second, as in [SB]; or empty
-    """
-
-    where: str
-    ends: tuple[str, str]
-    expected: str
+    where: str  #: common condition of both
+    ends: tuple[str, str]  #: text of the differing conditions
+    expected: str  #: `MORE`, `LESS` or `SAME` from the first to the second, as in [SB]; or empty
     before: Interval
     after: Interval
 
@@ -43,18 +36,11 @@ class Comparison(NamedTuple):
 
 
 class Claim(NamedTuple):
-    """A conclusion of [SB], and the comparisons that test it.
+    """A conclusion of [SB], and the comparisons that test it."""
 
-    Attributes
-    ----------
-    text : text of the conclusion
-    figure : name of the compared figure
-    scale : factor of the printed figures
-    """
-
-    text: str
-    figure: str
-    scale: float
+    text: str  #: text of the conclusion
+    figure: str  #: name of the compared figure
+    scale: float  #: factor of the printed figures
     comparisons: tuple[Comparison, ...]
 
     @property

@@ -87,18 +87,13 @@ class Prediction:
 
 @dataclass(frozen=True)
 class ClearanceLink:
-    """The clearance as a massless link between the centres of bushing and pin.
+    """The clearance as a massless link between the centres of bushing and pin."""
 
-    Attributes
-    ----------
-    radial : clearance [m], the length of the link
-    inertia : function of crank angles (N,): effective mass m [kg] of the pin's relative motion,
-        and 2 B^T I dB/d(crank angle) [kg/rad], both (2, 2, N) in fixed axes
-    damping : function of crank angles (N,): damping matrix B^T D B (2, 2, N) [N s/m]
-    """
-
-    radial: float
+    radial: float  #: clearance [m], the length of the link
+    #: function of crank angles (N,): effective mass m [kg] of the pin's relative motion, and 2 B^T
+    #: I dB/d(crank angle) [kg/rad], both (2, 2, N) in fixed axes
     inertia: Callable[[Array], tuple[Array, Array]]
+    #: function of crank angles (N,): damping matrix B^T D B (2, 2, N) [N s/m]
     damping: Callable[[Array], Array] | None = None
 
     def felt(self, angle: Array, speed: float) -> tuple[Array, Array]:
@@ -417,17 +412,12 @@ def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Arra
 
 @dataclass(frozen=True)
 class Losses:
-    """Predicted and simulated losses of contact in a clearance joint.
-
-    Attributes
-    ----------
-    predictions : predictions by the criteria of [SB] 3.5 and by the clearance link
-    turns : turns of the crank from the start to each loss of contact
-    """
+    """Predicted and simulated losses of contact in a clearance joint."""
 
     joint: str
+    #: predictions by the criteria of [SB] 3.5 and by the clearance link
     predictions: tuple[Prediction, ...]
-    turns: tuple[float, ...]
+    turns: tuple[float, ...]  #: turns of the crank from the start to each loss of contact
 
 
 def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:

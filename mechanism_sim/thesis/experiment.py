@@ -149,23 +149,17 @@ class Errors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CrankTurn:
-    """A turn of the crank in steps of `MESH`.
+    """A turn of the crank in steps of `MESH`."""
 
-    Attributes
-    ----------
-    angle : crank angle in the middle of the steps [deg], decreasing for clockwise rotation
-    acceleration, velocity : (2, n) of coupler and rocker, accelerations as means over the steps
-    force : (2, n) force of the coupler on the rocker [N], with impulses spread over their step
-    torque : (n,) torque of the drive [N m], with impulses spread over their step
-    nominal : (7, n) all of these for the ideal mechanism, in this order
-    """
-
+    #: crank angle in the middle of the steps [deg], decreasing for clockwise rotation
     angle: Array
+    #: (2, n) of coupler and rocker, accelerations as means over the steps
     acceleration: Array
     velocity: Array
+    #: (2, n) force of the coupler on the rocker [N], with impulses spread over their step
     force: Array
-    torque: Array
-    nominal: Array
+    torque: Array  #: (n,) torque of the drive [N m], with impulses spread over their step
+    nominal: Array  #: (7, n) all of these for the ideal mechanism, in this order
 
     @property
     def rows(self) -> Array:
@@ -179,38 +173,28 @@ class CrankTurn:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One run of the experiment, after its first turns.
-
-    Attributes
-    ----------
-    start : crank angle at the start [rad]
-    turns : first analysed turn of the crank, and the end
-    at_first : first turn with an impact, and the end of the first turns from it
-    severity, severity_at_first : severity by link, in `turns` and in `at_first`
-    errors : errors of angular accelerations and velocities, by (quantity, link) and method
-    overloads : number of samples clipped at the range of their converters
-    swings : motion by link; only for the first of several starts, to save memory
-    rose, impacts : impacts in `turns`
-    every : impacts of all turns, by turn
-    first : quantities of the first turn with an impact
-    """
+    """One run of the experiment, after its first turns."""
 
     bag: Path
     machine: Machine
     condition: Condition
-    start: float
+    start: float  #: crank angle at the start [rad]
     sample_rate: float
-    turns: tuple[int, int]
-    at_first: tuple[int, int]
+    turns: tuple[int, int]  #: first analysed turn of the crank, and the end
+    at_first: tuple[int, int]  #: first turn with an impact, and the end of the first turns from it
+    #: severity by link, in `turns` and in `at_first`
     severity: Mapping[str, Severity]
     severity_at_first: Mapping[str, Severity]
+    #: errors of angular accelerations and velocities, by (quantity, link) and method
     errors: Mapping[tuple[str, str], Mapping[str, Errors]]
-    overloads: int
+    overloads: int  #: number of samples clipped at the range of their converters
+    #: motion by link; only for the first of several starts, to save memory
     swings: Mapping[str, LinkMotion]
+    #: impacts in `turns`
     rose: Rose
     impacts: ImpactCycles
-    every: ImpactCycles
-    first: CrankTurn
+    every: ImpactCycles  #: impacts of all turns, by turn
+    first: CrankTurn  #: quantities of the first turn with an impact
 
     @property
     def turns_since_first(self) -> int:
@@ -434,17 +418,13 @@ class Experiment:
 
     The measured machine is that with the bearing of most runs. It is compared with
     the others at the highest speed and, there, the largest clearance.
-
-    Attributes
-    ----------
-    groups : runs by condition
-    limits : errors by lower limit of the amplifiers [Hz] and condition, for each start:
-        see `with_limits`
-    orders : alpha by multiple of the speed of the crank: see `with_orders`
     """
 
-    groups: Sequence[Repeats]
+    groups: Sequence[Repeats]  #: runs by condition
+    #: errors by lower limit of the amplifiers [Hz] and condition, for each start: see
+    #: `with_limits`
     limits: Mapping[tuple[float, Condition], Sequence[_LimitErrors]] | None = None
+    #: alpha by multiple of the speed of the crank: see `with_orders`
     orders: Sequence[Interval] | None = None
 
     @property

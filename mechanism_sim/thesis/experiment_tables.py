@@ -17,7 +17,6 @@ from mechanism_sim import output
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.strict_json import plain
 from mechanism_sim.thesis.claims import (
-    UNDECIDED,
     Claim,
     claims,
     spans_of_turns,
@@ -282,19 +281,17 @@ def _course(found: Experiment) -> ExperimentTable:
 
 
 def _claims(found: Experiment) -> ExperimentTable:
+    """Verdicts, and the comparisons by their outcome; their figures are those of other tables."""
     rows = []
     for claim in claims(found):
-        evidence = []
+        by_outcome: dict[str, list[str]] = {}
         for c in claim.comparisons:
-            values = (
-                f'{figure(x, claim.scale)} at {end}'
-                for x, end in zip((c.before, c.after), c.ends, strict=True)
-            )
-            seen = f': {c.found}' if len(claim.comparisons) > 1 or c.found == UNDECIDED else ''
-            evidence.append((f'{c.where}, ' if c.where else '') + ', '.join(values) + seen)
-        rows.append((claim.text, claim.figure, claim.verdict, '; '.join(evidence)))
+            alone = len(claim.comparisons) == 1 or not c.where
+            by_outcome.setdefault(c.found, []).append(' to '.join(c.ends) if alone else c.where)
+        seen = '; '.join(f'{outcome}: {", ".join(where)}' for outcome, where in by_outcome.items())
+        rows.append((claim.text, claim.figure, claim.verdict, seen))
     title = 'What [SB] concludes, by intervals that do not overlap'
-    return ExperimentTable('claims', title, ('[SB]', 'judged by', 'here', 'figures'), rows)
+    return ExperimentTable('claims', title, ('[SB]', 'judged by', 'here', 'comparisons'), rows)
 
 
 def _other_places(found: Experiment) -> Iterator[ExperimentTable]:

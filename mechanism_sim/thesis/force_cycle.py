@@ -162,17 +162,11 @@ class ForceCycle:
     """Force of the pin on its bushing over one turn of the crank, periodic and smooth.
 
     Made by `resolved` or `nominal`.
-
-    Attributes
-    ----------
-    curve : Fourier series of the two components [N]
-    speed : speed of the crank [rad/s], with its sign
-    resolution : number of points in a turn that show every swing of the force
     """
 
-    curve: Curve
-    speed: float
-    resolution: int
+    curve: Curve  #: Fourier series of the two components [N]
+    speed: float  #: speed of the crank [rad/s], with its sign
+    resolution: int  #: number of points in a turn that show every swing of the force
 
     @classmethod
     def resolved(

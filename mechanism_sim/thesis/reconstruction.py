@@ -150,17 +150,12 @@ def by_filter(
 
 
 class Error(NamedTuple):
-    """Error of an estimate.
+    """Error of an estimate."""
 
-    Attributes
-    ----------
-    rms, largest : of the error, in the unit of the signals
-    relative : rms of the error over that of the truth
-    """
-
+    #: of the error, in the unit of the signals
     rms: float
     largest: float
-    relative: float
+    relative: float  #: rms of the error over that of the truth
 
 
 def error(estimate: Array, truth: Array) -> Error:

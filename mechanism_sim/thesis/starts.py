@@ -19,26 +19,18 @@ from mechanism_sim.scene.validation import validate_loose
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
-_SAME = 1e-9
-"""Tolerance of times until contact is lost: symmetrical starts differ by rounding."""
+_SAME = 1e-9  # tolerance of times until contact is lost: symmetrical starts differ by rounding
 
 
 @dataclass(frozen=True)
 class StartAngle:
-    """A seated start at one crank angle.
+    """A seated start at one crank angle."""
 
-    Attributes
-    ----------
-    angle : crank angle at the start [rad]
-    followed : revolutions until the first loss of contact in any joint; infinite without loss
-    impacts : number of impacts in all revolutions
-    sense : 1 if the crank turns counterclockwise, -1 if clockwise
-    """
-
-    angle: float
+    angle: float  #: crank angle at the start [rad]
+    #: revolutions until the first loss of contact in any joint; infinite without loss
     followed: float
-    impacts: int
-    sense: int = 1
+    impacts: int  #: number of impacts in all revolutions
+    sense: int = 1  #: 1 if the crank turns counterclockwise, -1 if clockwise
 
     @property
     def lost_at(self) -> float:

@@ -36,14 +36,10 @@ _SEGMENTS = 2048
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """A reconstruction of a quantity (N,), and the best possible one of the instrument.
-
-    Attributes
-    ----------
-    shown : (N,) true quantity through the same chain without noise, processed in the same way
-    """
+    """A reconstruction of a quantity (N,), and the best possible one of the instrument."""
 
     values: Array
+    #: (N,) true quantity through the same chain without noise, processed in the same way
     shown: Array
     truth: Array
 
@@ -176,46 +172,30 @@ class Severity(NamedTuple):
 
     An impact has no duration and an infinite acceleration. Charts show its mean over
     a step, which increases as the step decreases, or the response of a filter.
-
-    Attributes
-    ----------
-    between : at the instants of samples, without impacts [rad/s^2]
-    by_mesh : for means over the steps `MESHES` of the crank, impacts included [rad/s^2]
-    heard : at the output of the chain, without noise [rad/s^2]
     """
 
-    between: float
+    between: float  #: at the instants of samples, without impacts [rad/s^2]
+    #: for means over the steps `MESHES` of the crank, impacts included [rad/s^2]
     by_mesh: tuple[float, ...]
-    heard: float
+    heard: float  #: at the output of the chain, without noise [rad/s^2]
 
 
 @dataclass(frozen=True, eq=False)
 class LinkMotion:
-    """A link in N samples of its sensor.
+    """A link in N samples of its sensor."""
 
-    Attributes
-    ----------
-    t : times [s]
-    angle : crank angle [deg], from the first of these turns
-    reading : reading of the outermost sensor [m/s^2]
-    overloads : number of clipped samples of all sensors of the link, from the start of the run
-    nominal : (2, N) acceleration and velocity of the ideal mechanism [rad/s^2, rad/s]
-    heard : (N,) true acceleration through the chain, without noise [rad/s^2]
-    accelerations, velocities : reconstructions by method [rad/s^2, rad/s]
-    severity : severity in these turns
-    severity_at_first : severity in the first turns from the first impact
-    """
-
-    t: Array
-    angle: Array
-    reading: Array
+    t: Array  #: times [s]
+    angle: Array  #: crank angle [deg], from the first of these turns
+    reading: Array  #: reading of the outermost sensor [m/s^2]
+    #: number of clipped samples of all sensors of the link, from the start of the run
     overloads: int
-    nominal: Array
-    heard: Array
+    nominal: Array  #: (2, N) acceleration and velocity of the ideal mechanism [rad/s^2, rad/s]
+    heard: Array  #: (N,) true acceleration through the chain, without noise [rad/s^2]
+    #: reconstructions by method [rad/s^2, rad/s]
     accelerations: Mapping[str, Reconstruction]
     velocities: Mapping[str, Reconstruction]
-    severity: Severity
-    severity_at_first: Severity
+    severity: Severity  #: severity in these turns
+    severity_at_first: Severity  #: severity in the first turns from the first impact
 
 
 def sensors_across(machine: Machine, link: str) -> dict[str, SensorPart]:
@@ -318,25 +298,15 @@ def under_limit(
 
 
 class _Signals(NamedTuple):
-    """Signals of the sensors across a link.
+    """Signals of the sensors across a link."""
 
-    Attributes
-    ----------
-    bare : chain of the outermost sensor, without noise
-    places : distances from the joint of the link [m], the outermost first
-    chosen : indices of the samples in the requested turns
-    readings : these samples of each sensor
-    overloads : number of clipped samples among all
-    heard : true angular acceleration through `bare`, from the start of the run
-    """
-
-    bare: Instrument
-    places: list[float]
+    bare: Instrument  #: chain of the outermost sensor, without noise
+    places: list[float]  #: distances from the joint of the link [m], the outermost first
     gravity: tuple[float, float]
-    chosen: NDArray[np.intp]
-    readings: list[Array]
-    overloads: int
-    heard: Array
+    chosen: NDArray[np.intp]  #: indices of the samples in the requested turns
+    readings: list[Array]  #: these samples of each sensor
+    overloads: int  #: number of clipped samples among all
+    heard: Array  #: true angular acceleration through `bare`, from the start of the run
 
     @property
     def time(self) -> Array:

@@ -24,8 +24,7 @@ _Stiffness = Annotated[float, si('N/m'), NOT_NEGATIVE]
 _Damping = Annotated[float, si('N s/m'), NOT_NEGATIVE]
 _Place = tuple[Position, Position]
 
-_FASTEST = 1e6
-"""Largest plausible natural frequency of a frame [Hz]."""
+_FASTEST = 1e6  # largest plausible natural frequency of a frame [Hz]
 
 
 class Mount(Part):

@@ -17,10 +17,8 @@ import numpy as np
 from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.rational import Modes, Rational
 
-_DEFECTIVE = 1e5
-"""Condition number of the eigenvectors above which poles count as a multiple one."""
-_APART = 1e-10
-"""Relative change of damping then: poles move apart by the square root of it."""
+_DEFECTIVE = 1e5  # condition number of the eigenvectors above which poles count as a multiple one
+_APART = 1e-10  # relative change of damping then: poles move apart by the square root of it
 _MEET = 1e-5
 """A pole of a chain that is nearer than this to one of the system, relative to their size, makes a
 double one with it, of which two halves are moved so far apart: what changes is of second order.

@@ -29,8 +29,7 @@ from mechanism_sim.vibration.frame import Frame
 
 _UNRESOLVED = 1e-6
 """Share of the largest force above which higher harmonics of a piece are too large."""
-_ROUNDING = 1e-12
-"""Share of the largest rate of a coordinate below which its steps are negligible."""
+_ROUNDING = 1e-12  # share of the largest rate of a coordinate below which its steps are negligible
 
 
 class Forces(Protocol):
@@ -124,14 +123,10 @@ class Shaking:
     ----------
     frame : with n degrees of freedom
     forces : forces of the machine on it
-
-    Attributes
-    ----------
-    inputs : number n of inputs
     """
 
     def __init__(self, frame: Frame, forces: Forces) -> None:
-        self.inputs = frame.freedom
+        self.inputs = frame.freedom  #: number n of inputs
         self._cog, self._forces = frame.cog, forces
         self._steps = VelocitySteps()
         self._start: Array | None = None
@@ -199,20 +194,13 @@ class FrameStates(NamedTuple):
 
 @dataclass(frozen=True)
 class FrameMotion:
-    """The motion of a frame on a part of a run.
-
-    Attributes
-    ----------
-    motion : motion of the machine on its m pieces
-    response : response of its modes there: position, velocity, acceleration (3 n)
-    start : (n,) forces at the start of the run
-    """
+    """The motion of a frame on a part of a run."""
 
     frame: Frame
     shaking: Shaking
-    motion: Motion
-    response: ModalResponse
-    start: Array
+    motion: Motion  #: motion of the machine on its m pieces
+    response: ModalResponse  #: response of its modes there: position, velocity, acceleration (3 n)
+    start: Array  #: (n,) forces at the start of the run
 
     def __call__(self, t: Array | float) -> FrameStates:
         """The frame at times `t` (N,) [s] within that part; at an impact, what holds after it.

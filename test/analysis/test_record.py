@@ -21,6 +21,7 @@ from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.messages import events, message_class, serialize
+from mechanism_sim.messages.segments import pack
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
@@ -28,7 +29,7 @@ from mechanism_sim.scene import scene_names
 from mechanism_sim.sensing.spectra import TurnSegments, order_spectrum
 from mechanism_sim.studies.run_bag import RunBag
 
-JOINT = 'coupler_rocker'
+SCENE, JOINT = 'four_bar_clearance', 'coupler_rocker'
 
 
 def recorded(path, record):
@@ -419,3 +420,34 @@ def test_the_summary_has_the_vibration_of_a_bag_of_a_sweep_from_its_motion(tmp_p
     shorter = analyze(cut)
     assert 0 < shorter.vibration[0].samples < len(signal)
     assert shorter.absent[-1].endswith('is missing: no vibration after it')
+
+
+def test_of_a_bag_with_runs_before_and_after_a_reset_the_first_is_read(tmp_path):
+    """As that of ros2 bag, which knows of no runs: motion and impacts of both were one."""
+    single, both = (
+        recorded(tmp_path / 'one.mcap', simulated(SCENE, duration=0.1)),
+        tmp_path / 'b.mcap',
+    )
+    source, machine = read_bag(single), ms.load_scene(SCENE)
+    names = machine.physics.coordinates, machine.physics.clearances
+    with BagWriter(both) as writer:
+        for topic in source.topics.values():
+            writer.add_topic(topic.name, topic.type, topic.qos)
+        for run in (1, 2):
+            begins = pack(machine.start().drain()[0], *names, 0.0, run)  # as where a run is reset
+            writer.write('/motion', serialize(begins), 0)
+            for topic, message, t in source.messages():
+                if hasattr(message, 'run'):
+                    message.run = run
+                if topic == '/drive':
+                    message.valid_until *= run  # the second was to last longer
+                writer.write(topic, serialize(message), t)
+    with pytest.warns(RunWarning, match='was reset: what follows the first run is left out'):
+        found = read_record(both)
+    assert found.digest() == read_record(single).digest()
+    with pytest.warns(RunWarning, match='was reset'):
+        told = analyze(both)
+    alone = analyze(single)
+    for name in ('digest', 'impacts', 'planned_end', 'start', 'end'):
+        assert told.to_json()[name] == alone.to_json()[name]
+    assert alone.to_json()['impacts']

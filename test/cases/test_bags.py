@@ -279,6 +279,34 @@ def test_a_type_of_ros_that_is_not_known_is_read_by_its_definition(tmp_path, kin
     assert columns['/gauge.values[b]'] == pytest.approx([1.0])
 
 
+def test_definitions_in_idl_are_read_as_rosbag2_stores_them(tmp_path):
+    """Each file after its delimiter, in any order, with what it includes; two share a typedef."""
+    header = '// generated from rosidl_adapter/resource/msg.idl.em\n\n#include "{}"\n'
+    pair = 'typedef double double__2[2];'
+    files = {
+        'gauge_msgs/msg/Part': f'module gauge_msgs {{ module msg {{ {pair}\n'
+        'struct Part { double__2 strain; }; }; };\n',
+        'gauge_msgs/msg/Rig': header.format('gauge_msgs/msg/Part.idl')
+        + f'module gauge_msgs {{ module msg {{ {pair}\n@verbatim (language="comment", text="r")\n'
+        'struct Rig { sequence<gauge_msgs::msg::Part> parts; double__2 at; }; }; };\n',
+    }
+    text = ''.join(f'{"=" * 80}\nIDL: {name}\n{file}' for name, file in files.items())
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg('float64[2] strain', 'gauge_msgs/msg/Part'))
+    store.register(get_types_from_msg('Part[] parts\nfloat64[2] at', 'gauge_msgs/msg/Rig'))
+    part, rig = (store.types[name] for name in files)
+    sent = rig(
+        parts=[part(strain=np.array([k, 0.5])) for k in (1.0, 2.0)], at=np.array([3.0, 4.0])
+    )
+    data = bytes(store.serialize_cdr(sent, 'gauge_msgs/msg/Rig'))
+    path = mcap_of(
+        tmp_path / 'idl.mcap', 'cdr', 'ros2idl', text.encode(), data, 'gauge_msgs/msg/Rig'
+    )
+    ((_, found, _),) = read_bag(path).messages()
+    assert [p.strain.tolist() for p in found.parts] == [[1.0, 0.5], [2.0, 0.5]]
+    assert found.at.tolist() == [3.0, 4.0]
+
+
 def test_json_may_leave_out_fields(tmp_path):
     path = tmp_path / 'some.mcap'
     with path.open('wb') as stream:
@@ -321,12 +349,12 @@ def test_an_empty_selection_is_said_in_one_sentence(tmp_path, arguments, words):
     assert not any(tmp_path.iterdir())
 
 
-def mcap_of(path, encoding, kind, text, data):
+def mcap_of(path, encoding, kind, text, data, name='a.B'):
     """A bag of one message."""
     with path.open('wb') as stream:
         writer = Writer(stream)
         writer.start()
-        schema = writer.register_schema('a.B', kind, text)
+        schema = writer.register_schema(name, kind, text)
         writer.add_message(writer.register_channel('/b', encoding, schema), 0, data, 0)
         writer.finish()
     return path
@@ -369,6 +397,14 @@ def test_a_database_without_messages_is_no_bag(tmp_path):
         base.execute('CREATE TABLE people(name TEXT)')
     with pytest.raises(InputError, match='is not SQLite, or damaged'):
         read_bag(path)
+
+
+def test_a_database_whose_topic_has_no_name_is_damaged(tmp_path):
+    folder = stored(tmp_path / 'bag')
+    with sqlite3.connect(folder / 'bag.db3') as base:
+        base.execute("INSERT INTO topics SELECT 7, X'00', type, 'cdr', '', '' FROM topics")
+    with pytest.raises(InputError, match=r'or damaged .*a topic has no name'):
+        read_bag(folder)
 
 
 def test_a_folder_of_several_runs_names_them(tmp_path):

@@ -397,7 +397,7 @@ WITHOUT_TOOL = (
 )  # fmt: skip
 """Kinds that are written as text, not drawn."""
 
-NO_KIND = 'drive', 'elastic', 'oscillators', 'stops'
+NO_KIND = 'links', 'drive', 'clearance', 'elastic', 'oscillators', 'stops'
 """Tools that are of parts of a scene or of a joint, not of a kind."""
 
 

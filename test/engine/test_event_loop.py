@@ -665,7 +665,10 @@ def six_bar(coupled, e):
         Revolute('rocker2_ground', 'rocker2', GROUND, o, pivot),
     )
     m = Mechanism(tuple(bodies), joints, ('loose', 'loose2'), (0.0, -9.8145))
-    gap = [BearingClearance(n, m, C, x) for n, x in zip(('loose', 'loose2'), e, strict=True)]
+    gap = [
+        BearingClearance(n, m, C, restitution=x)
+        for n, x in zip(('loose', 'loose2'), e, strict=True)
+    ]
     system = System(m, gap, ['crank'], 1)
     one = loose().initial_state()
     q, v = (*one.q, *one.q), (*one.v, *one.v)

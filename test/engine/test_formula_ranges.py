@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 
+import numpy as np
 import pytest
 from builders import made
 
@@ -40,6 +42,26 @@ def test_a_run_says_whose_formula_ends_and_when(torque, time, said):
     assert f"loads.push.torque: the formula '{torque}' {said} at t = " in found
     at = float(re.search(r't = (\S+) s', found)[1])
     assert time is None or at == pytest.approx(time, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    'speed', ['hypot(vx, vy)', 'sqrt(vx^2 + vy^2)', '(vx*vx + vy*vy)^0.5', 'hypot(vy, 0, vx)']
+)
+def test_drag_by_the_square_of_the_speed_begins_at_rest(speed):
+    """Of a ball that falls: ``h = v^2/g ln cosh(g t/v)`` with its final speed v."""
+    ball = made(f"""
+gravity: [0, -9.81 m/s^2]
+links: {{carriage: {{mass: 0}}, ball: {{mass: 2 kg}}}}
+joints:
+  across: {{prismatic: [ground, carriage]}}
+  down: {{prismatic: [carriage, ball], axis: -90 deg}}
+loads: {{drag: {{at: ball, force: ["-0.3*{speed}*vx", "-0.3*{speed}*vy"]}}}}
+""")
+    t = np.linspace(0.0, 3.0, 31)
+    fallen = ms.simulate(ball, duration=3.0).sample(t, 'position.ball')['position.ball']
+    final = math.sqrt(2.0 * 9.81 / 0.3)
+    expected = final**2 / 9.81 * np.log(np.cosh(9.81 * t / final))
+    assert fallen == pytest.approx(expected, rel=1e-12, abs=1e-13)
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def test_rates_are_kept_though_a_rounding_of_positions_turns_the_normal():
         run._state[1] += ulps * np.spacing(run._state[1])
         run._present.project()
         assert run._gaps.closed(0)
-        assert abs(run.contact_terms.rate[0]) < 1e-14
+        assert abs(run._gaps.terms().rate[0]) < 1e-14
 
 
 @pytest.mark.parametrize('m', [1, 2, 3])

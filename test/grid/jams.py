@@ -44,7 +44,7 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
         return False
     at = float(said[1])
     run.advance(at - _BEFORE * max(at, 1e-3), final=True)
-    terms, count = run.contact_terms, len(machine.equations.system.gaps)
+    terms, count = run._gaps.terms(), len(machine.equations.system.gaps)
     near, speed = _NEAR * machine.mechanism.size, machine.drive.fastest * machine.mechanism.size
     touching = [i for i in range(count) if run.state.closed[i] or abs(terms.value[i]) < near]
     friction = np.minimum(terms.friction[touching], 1e4)
@@ -52,7 +52,7 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
     frictional = bool(machine.equations.system.dynamics.frictional_joints)
 
     def rates() -> tuple[Array, JointForces | None]:
-        terms = run.contact_terms
+        terms = run._gaps.terms()
         v = np.array([terms.rate[r] if r < len(terms.rate) else 0.0 for r in rows])
         v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
         return v, JointForces(run, machine.equations.system) if frictional else None
@@ -60,7 +60,7 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
     def ends(v: Array, joints: JointForces | None) -> bool:
         if joints:
             return no_forces(joints, touching, v[len(touching) :], friction)
-        terms = run.contact_terms
+        terms = run._gaps.terms()
         A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
         b = np.array([terms.free_acceleration[r] for r in rows])
         return jams(A, b, v, friction.tolist())

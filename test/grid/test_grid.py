@@ -272,7 +272,7 @@ def test_joints_that_jam_beside_a_contact_have_no_forces_and_others_have():
     run = machine.start()
     assert isinstance(run, EventLoop)
     run.advance(0.02, final=True)
-    slip = run.contact_terms.rate[1:] * (run.state.closed[0] > 0)
+    slip = run._gaps.terms().rate[1:] * (run.state.closed[0] > 0)
     joints = JointForces(run, machine.equations.system)
     assert not no_forces(joints, [0], slip, np.array([0.5]))
 

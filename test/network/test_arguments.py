@@ -145,6 +145,26 @@ def test_sections_of_a_file_are_for_the_nodes_they_name(pattern, node, meant):
     assert arguments.parameters_of(node) == ({'gain': 1.0} if meant else {})
 
 
+def test_a_name_of_a_section_is_no_pattern_but_for_its_stars(tmp_path):
+    """`left.arm` is not `leftXarm`, and a bracket ends no node."""
+    file = tmp_path / 'values.yaml'
+    file.write_text('left.arm: {ros__parameters: {x: 1}}\n"a(": {ros__parameters: {x: 2}}')
+    found = parse_arguments(['--ros-args', '--params-file', str(file)])
+    assert found.parameters_of('/leftXarm') == {}
+    assert set(found.parameters) == {'left.arm', 'a('}
+
+
+def test_an_alias_of_values_is_refused_as_in_ros(tmp_path):
+    """A merge `<<: *all` had made a parameter `<<.lead`."""
+    file = tmp_path / 'values.yaml'
+    file.write_text(
+        '/**:\n  ros__parameters: &all {lead: 0.1}\n'
+        'linkage:\n  ros__parameters:\n    <<: *all\n    x: 1\n'
+    )
+    with pytest.raises(MiddlewareError, match=r'ROS has no aliases of values as \*all'):
+        parse_arguments(['--ros-args', '--params-file', str(file)])
+
+
 def test_logs_can_be_turned_off(make, capfd):
     quiet = make('--disable-stdout-logs --log-level error')
     mute = make('--disable-rosout-logs', 'mute')

@@ -158,6 +158,7 @@ def test_a_port_of_somebody_else_is_an_error_in_one_sentence(network, monkeypatc
         ('MECHANISM_SIM_ROUTER', 'localhost', 'no endpoint of the form', True),
         ('MECHANISM_SIM_ROUTER', 'tcp/192.0.2.1:1', 'No router answers at', False),
         ('ROS_DOMAIN_ID', 'seven', 'not a whole number', True),
+        ('ROS_DOMAIN_ID', '-1', 'a domain is a number from 0 on', True),
         ('ZENOH_SESSION_CONFIG_URI', '/no/such/file', 'not readable', True),
         ('ZENOH_CONFIG_OVERRIDE', 'no/such/key=1', 'no/such/key=1', True),
     ],

@@ -28,6 +28,7 @@ from zenoh_rclpy import command_node as commanding
 from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
 from zenoh_rclpy.commands import _info, _param_dump, _print, _values, main
 from zenoh_rclpy.errors import MiddlewareError
+from zenoh_rclpy.node import Node
 from zenoh_rclpy.parameter_files import read_parameters, write_parameters
 from zenoh_rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -595,6 +596,38 @@ def test_a_dump_of_parameters_is_read_as_a_file_of_them(tmp_path, capsys):
     file = tmp_path / 'arm.yaml'
     file.write_text(capsys.readouterr().out)
     assert dict(read_parameters(str(file))) == {'/ns/arm': values}
+
+
+@pytest.mark.usefixtures('network')
+def test_nodes_without_services_for_parameters_do_not_end_a_list_of_all():
+    """As those of listeners to frames, which RViz and many drivers have beside their own."""
+    with command_node(5.0) as node:
+        there = [Node(name, start_parameter_services=way) for name, way in
+                 (('listener_impl', False), ('rviz', True))]  # fmt: skip
+        assert node.nodes('list_parameters') == ['/rviz']
+        assert node.nodes() == ['/listener_impl', '/rviz']
+        node.allow(0.1)
+        with pytest.raises(UsageError, match='/listener_impl has no services for its parameters'):
+            node.parameter_names('listener_impl')
+        for made in there:
+            made.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ('value', 'said'),
+    [
+        ('[1, a]', "'[1, a]': a list holds values of one type"),
+        ('{a: 1}', "'{a: 1}': a parameter holds a value or a list"),
+        ('[[1]]', "'[[1]]': a list holds values of one type"),
+        ('&a [*a]', 'ROS has no aliases of values as *a'),
+        ('{? [1, 2] : 3}', 'a name is a text'),
+        ('[' * 3000, 'nested too deep'),
+    ],
+)
+@pytest.mark.usefixtures('network')
+def test_what_no_parameter_can_hold_is_said_before_any_node_is_looked_for(value, said, capsys):
+    assert main(['param', 'set', '/nobody', 'x', value]) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_values_are_yaml():

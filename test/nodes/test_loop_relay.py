@@ -10,12 +10,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from builders import made
+from middleware_network import eventually
 from running import TIMEOUT, environment, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.tracking import Tracker
+from mechanism_sim.messages import JointState
+from mechanism_sim.nodes.loop_relay import LoopRelay
+from mechanism_sim.nodes.middleware import Node, SingleThreadedExecutor
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.scene.load import without_clearance
 
 ROCKER = """
@@ -186,3 +191,24 @@ def test_drivers_that_cannot_turn_leave_the_states_where_they_are():
     with pytest.raises(RunError):
         found.to(found.driven + 40.0)
     np.testing.assert_array_equal(found.q, first)
+
+
+@pytest.mark.parametrize(
+    ('velocity', 'answered'), [([2.0], 3), ([float('nan')], 0), ([float('-inf')], 0), ([], 0)]
+)
+def test_rates_that_are_no_numbers_are_no_rates(velocity, answered, network):  # noqa: ARG001
+    relay, panel, answers = LoopRelay(), Node('panel'), []
+    panel.create_subscription(JointState, 'joint_states', answers.append, RESULTS)
+    told = panel.create_publisher(JointState, 'driver_states', RESULTS)
+    executor = SingleThreadedExecutor()
+    for node in (relay, panel):
+        executor.add_node(node)
+    try:
+        told.publish(JointState(name=['crank'], position=[0.3], velocity=velocity))
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or answers)
+    finally:
+        for node in (relay, panel):
+            executor.remove_node(node)
+            node.destroy_node()
+    (answer,) = answers
+    assert (len(answer.position), len(answer.velocity)) == (3, answered)

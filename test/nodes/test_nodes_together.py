@@ -30,19 +30,30 @@ from mechanism_sim.messages import (
     Impact,
     JointState,
     Log,
+    Progress,
+    TransformStamped,
     message_class,
     service_class,
 )
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import commands, control_relay, middleware, pace, partners, publications
+from mechanism_sim.nodes import (
+    commands,
+    control_relay,
+    middleware,
+    pace,
+    partners,
+    publications,
+    spawning,
+)
 from mechanism_sim.nodes.classes import node_class
-from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
+from mechanism_sim.nodes.middleware import Future, Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.reader import read_bag
 from ros_interfaces.stamps import nanoseconds
+from zenoh_rclpy.arguments import parse_arguments
 
 SCENE = 'four_bar_clearance'
 PLAYING, PAUSED, QUITTING = 1, 2, 3
@@ -427,6 +438,90 @@ def test_a_run_is_paused_before_its_controller_is_there():
             assert (drive.playing, drive.announced) == (False, 0.0)
     finally:
         asker.destroy_node()
+
+
+@pytest.mark.parametrize('service', ['reset_simulation', 'load_world'])
+def test_of_two_resets_at_once_one_is_refused_also_while_machines_are_deleted(
+    service, monkeypatch
+):
+    kind = service_class(f'simulation_interfaces/srv/{service.title().replace("_", "")}')
+    asker = Node('asker')
+    client, request = asker.create_client(kind, service), kind.Request()
+    if service == 'load_world':
+        getattr(request, 'world_resource', request).uri = SCENE
+    try:
+        with nodes_of(SCENE, 0.05, paused=True, hold=True) as nodes:
+            every, drive = [*nodes.values(), asker], nodes['crank_drive']
+            spin(every, lambda: drive.ready and client.service_is_ready())
+            deleted: Future = Future()
+
+            async def clear() -> None:
+                await deleted
+
+            monkeypatch.setattr(drive.spawning, 'clear', clear)
+            answers = [client.call_async(request) for _ in range(2)]
+            spin(every, lambda: any(answer.done() for answer in answers))
+            deleted.set_result(None)
+            spin(every, lambda: all(answer.done() for answer in answers))
+            assert drive.run == 1
+    finally:
+        asker.destroy_node()
+    told = sorted(answer.result().result.error_message for answer in answers)
+    assert told[0] == ''
+    assert 'under way: wait for the end' in told[1]
+
+
+def test_a_machine_that_starts_while_the_first_is_reset_is_in_the_run_that_is_waited_for(
+    monkeypatch,
+):
+    """Its process hears of the leader when that is in its next run; both stood still for ever."""
+    said: list[str] = []
+    monkeypatch.setattr(spawning.process_exit, 'start', lambda words, **_: said.extend(words))
+    with nodes_of(SCENE, 0.05, paused=True, hold=True) as nodes:
+        drive = nodes['crank_drive']
+        drive.begin_run(3)
+        drive.spawning._start('late', 'geneva', '/late', 'geneva', TransformStamped())
+        drive.begin_run(4)
+        drive.spawning.begin_run()
+        given = parse_arguments(said[said.index('--ros-args') :]).parameters_of('/crank_drive')
+        own = Node('late', parameter_overrides=[Parameter(k, value=x) for k, x in given.items()])
+        own.declare = lambda name, default, *_, **__: own.declare_parameter(name, default).value
+        try:
+            leader = spawning.LeadingDrive(own)
+            own.on_leader = _nothing
+            with pytest.raises(StopIteration):
+                leader._take(Progress(node='crank_drive', run=4)).send(None)
+            assert leader.run == drive.spawning.machines['late'].run == 1
+        finally:
+            drive.spawning.machines.clear()
+            own.destroy_node()
+
+
+async def _nothing() -> None:
+    """A drive that need not follow."""
+
+
+def test_a_controller_that_commands_what_is_no_number_is_not_heeded(capsys):
+    """The run waits for a command, and the controller that gives one gets its digits."""
+    controller, speed = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
+    controller.create_subscription(
+        JointState, 'joint_states', lambda m: speed.append(m.velocity[0]), RESULTS
+    )
+    speaks = controller.create_publisher(Float64, 'command/effort', RESULTS)
+    wrong = [math.nan, math.inf, -1e13]
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
+            drive = nodes['crank_drive']
+            spin([*nodes.values(), controller], lambda: drive.ready)
+            for effort in wrong:
+                speaks.publish(Float64(data=effort))
+            finish(nodes, controller)
+            spin([controller], lambda: len(speed) == 10)
+    finally:
+        controller.destroy_node()
+    assert np.abs(by_hand(10) - speed).max() < 1e-6
+    (told,) = [x for x in capsys.readouterr().err.splitlines() if 'is no effort' in x]
+    assert 'ignored a message on /command/effort: nan is no effort from -1e+12 to 1e+12' in told
 
 
 def test_only_a_controller_that_has_not_seen_the_last_state_is_a_newcomer():

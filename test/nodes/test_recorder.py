@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from mcap.reader import make_reader
 from middleware_network import eventually
 
 from mechanism_sim.errors import RunError
@@ -22,8 +23,21 @@ from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecut
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.recording.reader import read_bag
+from zenoh_rclpy.arguments import parse_arguments
 
 SCENE = 'four_bar_clearance'
+
+
+def state_of(t, *names):
+    """Joint states at a time, of the machine unless other joints are named."""
+    joints = names or ('crank', 'coupler', 'rocker')
+    return JointState(header=Header(stamp=stamp(t)), name=list(joints))
+
+
+def frame_of(t, parent, child):
+    """A frame at a time."""
+    frame = TransformStamped(header=Header(stamp=stamp(t), frame_id=parent), child_frame_id=child)
+    return TFMessage(transforms=[frame])
 
 
 @pytest.mark.parametrize('before', [0, 40])
@@ -80,10 +94,8 @@ def test_a_late_bag_begins_where_its_run_is_and_has_no_clock_of_another_machine(
     frames = partner.create_publisher(TFMessage, '/tf_static', LATCHED)
     states = partner.create_publisher(JointState, 'joint_states', RESULTS)
     clock = other.create_publisher(Clock, '/clock', CLOCK)
-    described = TransformStamped(child_frame_id='joint/x')
-    described.header.frame_id = 'world'
     scene.publish(String(data='{}'))
-    frames.publish(TFMessage(transforms=[described]))
+    frames.publish(frame_of(0.0, 'world', 'joint/x'))
     recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
     for node in (partner, recorder):
         executor.add_node(node)
@@ -98,15 +110,13 @@ def test_a_late_bag_begins_where_its_run_is_and_has_no_clock_of_another_machine(
     try:
         spin_until(lambda: recorder.ready)
         clock.publish(Clock())
-        state = JointState()
-        state.header.stamp = stamp(7.5)
         spin_until(lambda: len(heard) == 2)
-        states.publish(state)
+        states.publish(state_of(7.5))
         spin_until(lambda: recorded() == (1, 1, 1))
         reports.publish(Progress(node='linkage', time=8.0, header=Header(stamp=stamp(8.0))))
         spin_until(lambda: recorder.partners.reports)
         clock.publish(Clock())
-        frames.publish(TFMessage(transforms=[described]))
+        frames.publish(frame_of(0.0, 'world', 'joint/x'))
         spin_until(lambda: recorded() == (1, 2, 1))
     finally:
         for node in (recorder, partner):
@@ -149,9 +159,7 @@ def test_descriptions_are_in_the_bag_of_their_run_also_of_a_recorder_that_came_l
 
     try:
         spin_until(lambda: recorder.ready and heard)
-        state = JointState()
-        state.header.stamp = stamp(7.5)
-        states.publish(state)
+        states.publish(state_of(7.5))
         spin_until(lambda: counts('scene', 'joint_states') == (1, 1))
         report(2, 8.0)
         spin_until(lambda: recorder.partners.time == 8.0)
@@ -170,3 +178,57 @@ def test_descriptions_are_in_the_bag_of_their_run_also_of_a_recorder_that_came_l
         for file in tmp_path.iterdir()
     }
     assert found == {'late.mcap': ['third'], 'late-4.mcap': ['fourth']}
+
+
+@pytest.mark.parametrize('rules', ['', '-r /tf:=frames -r /clock:=time'])
+@pytest.mark.usefixtures('network')
+def test_a_bag_has_nothing_of_a_robot_beside_the_machine(rules, tmp_path, monkeypatch):
+    """Its joints and frames share topics of ROS; their times count from 1970, or are negative."""
+    bag = tmp_path / 'run.mcap'
+    given = {'scene': SCENE, 'file': str(bag), 'partners': 'linkage'}
+    partner, robot = Node('linkage'), Node('arm')
+    arguments = parse_arguments(['--ros-args', *rules.split()])
+    monkeypatch.setattr(partner.context, 'arguments', arguments)
+    recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
+    executor, heard = SingleThreadedExecutor(), []
+    for node in (partner, recorder):
+        executor.add_node(node)
+    topics = {kind: recorder.resolve_topic_name(name) for kind, name in
+              ((JointState, 'joint_states'), (TFMessage, '/tf'), (Clock, '/clock'))}  # fmt: skip
+    mine, theirs = (
+        {kind: node.create_publisher(kind, topic, RESULTS) for kind, topic in topics.items()}
+        for node in (partner, robot)
+    )
+    partner.create_subscription(Progress, 'progress', heard.append, RESULTS)
+    reports = partner.create_publisher(Progress, 'progress', RESULTS)
+    later = 1.7e9
+
+    def spin_until(condition):
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or condition())
+
+    try:
+        spin_until(lambda: recorder.ready)
+        for names in (('elbow', 'wrist'), ('crank', 'coupler', 'rocker', 'elbow'), ('crank',)):
+            theirs[JointState].publish(state_of(later, *names))
+        for parent, child in (('world', 'base_link'), ('base_link', 'crank'), ('world', 'crank2')):
+            theirs[TFMessage].publish(frame_of(later, parent, child))
+        theirs[TFMessage].publish(TFMessage())
+        theirs[Clock].publish(Clock(clock=stamp(later)))
+        mine[JointState].publish(state_of(0.25))
+        mine[TFMessage].publish(frame_of(0.5, 'world', 'crank'))
+        reports.publish(Progress(node='linkage', time=1.0, header=Header(stamp=stamp(1.0))))
+        spin_until(lambda: all(recorder.writer.counts[topics[k]] for k in (JointState, TFMessage)))
+        spin_until(lambda: recorder.partners.reports)
+    finally:
+        for node in (recorder, partner):
+            executor.remove_node(node)
+        for node in (recorder, partner, robot):
+            node.destroy_node()
+    with bag.open('rb') as stream:
+        messages = make_reader(stream).iter_messages([*topics.values(), '/progress'])
+        found = [(channel.topic, message.log_time) for _, channel, message in messages]
+    assert found == [
+        (topics[JointState], 250_000_000),
+        (topics[TFMessage], 500_000_000),
+        ('/progress', 1_000_000_000),
+    ]

@@ -265,7 +265,7 @@ def test_reactions_and_torque_of_the_ideal_four_bar(acceleration):
 @pytest.fixture(scope='module')
 def skew():
     m = skew_four_bar()
-    gap = BearingClearance('coupler_rocker', m, 2.54e-4, 0.5)
+    gap = BearingClearance('coupler_rocker', m, 2.54e-4, restitution=0.5)
     return m, System(m, [gap], ['crank'], 2)
 
 
@@ -418,7 +418,7 @@ def test_states_of_the_reference_give_its_accelerations_forces_and_torques():
 def test_derivatives_of_the_gap_against_multiprecision_differences(q, v):
     """Value, gradient, rate and curvature of (c^2 - Q.Q)/2c along q + v t."""
     m = skew_four_bar()
-    eq = Equations(m, [BearingClearance('coupler_rocker', m, 2.54e-4, 0.5)])
+    eq = Equations(m, [BearingClearance('coupler_rocker', m, 2.54e-4, restitution=0.5)])
     jet = eq.gap_jets[0]
     terms = [jet.value, *jet.row(eq.coordinates), jet.rate, jet.curvature]
     got = evaluate(terms, eq, q, v)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,12 +22,14 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
+from mechanism_sim.nodes import player
 from mechanism_sim.nodes.player import playable
 from mechanism_sim.recording.inventory import info
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.studies.run_bag import RunBag
+from ros_interfaces.stamps import nanoseconds
 
 RUN = 'run', 'four_bar_clearance', '--duration', '0.20126832204367018'
 SOFT = {'loads': {'rub': {'at': 'piston', 'force': ['sqrt(5.5 - t)', 0]}},
@@ -414,3 +417,82 @@ def test_topics_that_cannot_be_published_are_named_and_the_others_played(others,
     assert playable(read_bag(bag)) == playable(read_bag(bag), ['/s']) == ['/s']
     said = f'mechanism-sim: {bag}: /a {THING}: it cannot be published\n'
     assert capsys.readouterr().err == said  # of the first; who asks for a topic misses no other
+
+
+class _Stage:
+    """A node whose publishers note what is published when, by a clock that sleeping sets."""
+
+    def __init__(self, monkeypatch):
+        self.now, self.seen = 0.0, []
+        clock = SimpleNamespace(monotonic=lambda: self.now, sleep=self._sleep)
+        monkeypatch.setattr(player, 'time', clock)
+
+    def _sleep(self, seconds):
+        self.now += max(seconds, 1e-9)
+
+    def get_publishers_info_by_topic(self, _topic):
+        return []
+
+    def create_publisher(self, _kind, topic, qos):
+        def publish(message):
+            what = nanoseconds(message.clock) if topic == '/clock' else message.data
+            self.seen.append((self.now - self.began, topic, what))
+
+        return SimpleNamespace(publish=publish, qos_profile=qos, get_subscription_count=self._look)
+
+    def _look(self):
+        self.began = self.now + 0.05  # the last look is before the first message
+        return 1
+
+
+@pytest.mark.parametrize('rate', [1.0, 0.25, 0.0])
+def test_messages_are_played_when_they_are_due_not_as_they_lie_in_the_file(
+    rate, tmp_path, monkeypatch
+):
+    """Nodes record ahead and topic by topic: what is announced for the end of a batch is first."""
+    path, text = tmp_path / 'ahead.mcap', message_class('std_msgs/msg/String')
+    log = [('/end', 30), ('/a', 0), ('/a', 10), ('/a', 20), ('/b', 5), ('/b', 10), ('/b', 25),
+           ('/end', 60), ('/a', 40), ('/a', 50), ('/b', 35), ('/b', 50)]  # fmt: skip
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channels = {x: writer.register_channel(x, 'cdr', schema) for x in ('/end', '/a', '/b')}
+        for k, (topic, at) in enumerate(log):
+            data = serialize(text(data=str(k)))
+            writer.add_message(channels[topic], at * 10**8, data, at * 10**8)
+        writer.finish()
+    stage, bag = _Stage(monkeypatch), read_bag(path)
+    assert player.BagPlayer(stage, 10.0).play(bag, [*bag.topics], rate) == len(log)
+    due = sorted((at, k) for k, (_, at) in enumerate(log))
+    speed = 0.1 / rate if rate else 0.0
+    assert stage.seen == [
+        (pytest.approx(at * speed, abs=1e-6), log[k][0], str(k)) for at, k in due
+    ]
+    assert [t for _, _, t in bag.messages()] == [at * 10**8 for _, at in log]
+
+
+@pytest.mark.parametrize('rate', [1.0, 4.0])
+def test_the_clock_of_a_player_goes_on_between_messages(rate, tmp_path, monkeypatch):
+    """It came with messages only: who waits for simulated time heard nothing for seconds."""
+    path, text = tmp_path / 'rare.mcap', message_class('std_msgs/msg/String')
+    start = 1_700_000_000
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/a', 'cdr', schema)
+        for k in (0, 3, 5):
+            at = (start + k) * 10**9
+            writer.add_message(channel, at, serialize(text(data=str(k))), at)
+        writer.finish()
+    stage, bag = _Stage(monkeypatch), read_bag(path)
+    assert player.BagPlayer(stage, 10.0).play(bag, ['/a'], rate, clock=10.0) == 3
+    said = [(k, (ns - start * 10**9) / 1e9) for k, topic, ns in stage.seen if topic == '/clock']
+    assert [wall * rate for wall, _ in said] == pytest.approx([t for _, t in said], abs=1e-5)
+    steps = np.diff([t for _, t in said])
+    assert (steps > 0.0).all()
+    assert steps.max() < 0.1 + 1e-5
+    assert said[-1][1] > 4.9
+    messages = [(wall * rate, x) for wall, topic, x in stage.seen if topic == '/a']
+    assert messages == [(pytest.approx(k, abs=1e-5), str(k)) for k in (0, 3, 5)]

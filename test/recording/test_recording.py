@@ -35,6 +35,7 @@ from mechanism_sim.messages import (
     serialize,
     type_hash,
 )
+from mechanism_sim.nodes.qos import profile_of
 from mechanism_sim.recording.inventory import info, recover, render_info
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
@@ -532,6 +533,39 @@ def test_what_is_not_known_here_is_listed_but_not_decoded(tmp_path, encoding, na
     assert info(path).topics[0].type == name
     with pytest.raises(InputError, match=reason):
         list(read_bag(path).messages())
+
+
+@pytest.mark.parametrize('encoding', ['cdr', 'protobuf'])
+def test_messages_without_a_schema_are_said_to_have_none(tmp_path, encoding):
+    path = tmp_path / 'foreign.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_message(writer.register_channel('/a', encoding, 0), 0, b'{}', 0)
+        writer.finish()
+    with pytest.raises(InputError, match=r'topic /a: it has no schema, which says the type'):
+        list(read_bag(path).messages())
+
+
+@pytest.mark.parametrize('wrong', [{'depth': 'many'}, {'depth': None}, {'reliability': ['a']},
+                                   {'durability': 2}])  # fmt: skip
+def test_a_profile_that_is_none_is_unknown_and_the_bag_is_played(tmp_path, wrong):
+    path, usual = tmp_path / 'foreign.mcap', profile_of(None)
+    profile = {'history': 'keep_last', 'depth': 3, 'reliability': 'reliable',
+               'durability': 'volatile'}  # fmt: skip
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(STRING, 'ros2msg', definition(STRING).encode())
+        for topic, policies in (('/good', profile), ('/wrong', profile | wrong)):
+            told = {'offered_qos_profiles': yaml.safe_dump([policies])}
+            writer.add_message(
+                writer.register_channel(topic, 'cdr', schema, told), 0, text('x'), 0
+            )
+        writer.finish()
+    found = {name: profile_of(topic.qos).depth for name, topic in read_bag(path).topics.items()}
+    assert found == {'/good': 3, '/wrong': usual.depth}
+    assert '/wrong' in render_info(info(path))
 
 
 def test_an_existing_file_is_kept_unless_told(tmp_path):

@@ -76,17 +76,40 @@ def test_lines_over_the_angle_are_the_motion_at_that_angle(loose, charts):
             2 * np.pi,
         )
         assert at == pytest.approx(np.ones(len(at)), abs=1e-3)
-        if key == 'motion-position-turning':
-            (before,) = curves(charts[key], column, 'earlier')
-            assert before.when[-1] == pytest.approx(c.when[0], abs=1e-9)
-            continue
         (reach,) = curves(charts[key], column, 'range')
         for turn in range(10):
             angle = np.arange(0.25, 360.0, 7.5)
-            exact = loose.piece.sample(loose.times_at(turn + angle / 360.0), column)[column]
+            times = loose.times_at(turn + angle / 360.0)
+            exact = scale * loose.piece.sample(times, column)[column]
             slack = 0.02 * np.ptp(reach.y)
             assert (np.interp(angle, reach.x, reach.y) > exact - slack).mean() > 0.97
             assert (np.interp(angle, reach.x, reach.low) < exact + slack).mean() > 0.97
+
+
+def test_the_range_over_all_turns_holds_every_one():
+    """Of a shaft that sways anew in each turn; between samples of a turn, too."""
+    record = simulated('two_disk_rotor', duration=0.3)
+    charts = charts_of(sections(record))
+    for key, column, scale in (
+        ('motion-position-straight', 'position.disk.x', 1e3),
+        ('motion-position-turning', 'position.disk.tilt_x', math.degrees(1.0)),
+    ):
+        (reach,) = curves(charts[key], column, 'range')
+        assert not curves(charts[key], column, 'earlier')
+        turns = np.arange(0.0, 9.99, 1.0 / 144.0)
+        exact = scale * record.piece.sample(record.times_at(turns), column)[column]
+        at, slack = 360.0 * np.mod(turns, 1.0), 1e-3 * np.ptp(exact)
+        assert (np.interp(at, reach.x, reach.y) > exact - slack).all()
+        assert (np.interp(at, reach.x, reach.low) < exact + slack).all()
+        assert reach.y.max() < exact.max() + slack
+        assert reach.low.min() > exact.min() - slack
+
+
+def test_angles_of_links_that_turn_round_have_no_range():
+    """A second gear at another ratio has another angle in every turn."""
+    record = simulated('gear_pair', revolutions=5)
+    chart = charts_of(sections(record))['motion-position-turning']
+    assert not [c for p in chart.panels for c in p.curves if c.look == 'range']
 
 
 def test_beneath_lies_the_ideal_four_bar(loose, charts):

@@ -64,6 +64,19 @@ def test_a_main_drive_without_torque_is_not_told_by_the_force_of_another():
     assert other[:2] == ('drive of slide', '6 N')
 
 
+def test_a_moment_of_a_bearing_is_not_told_by_the_force_of_its_joint():
+    """At the end of its pin it is the force by half the bushing's length, at all times."""
+    record = simulated('four_bar_misaligned', revolutions=1)
+    rows = {name: (largest, level) for name, largest, *_, level in loads(ChartedRun(record)).table}
+    force, moment = (
+        [float(text.partition(' ')[0]) for text in rows[name]]
+        for name in ('coupler_rocker', 'coupler_rocker.moment')
+    )
+    assert rows['coupler_rocker.moment'][1].endswith(' N m')
+    lever = 0.5 * record.machine.scene.joints['coupler_rocker'].clearance.length
+    assert moment == pytest.approx([lever * x for x in force], rel=2e-3)
+
+
 def test_loads_of_a_run_are_those_of_its_measures():
     """The largest, and percentiles by adaptive crossings of levels in the motion itself."""
     record = simulated('four_bar_clearance', ROUGH, revolutions=4)

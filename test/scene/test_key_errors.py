@@ -239,6 +239,14 @@ def test_zeros_of_keys_of_other_kinds_are_as_good_as_left_out():
         ms.load_scene('slider_crank', {'joints.crank_rod.pretension': '1 N'})
 
 
+@pytest.mark.parametrize('key', ['restitution', 'hypothesis'])
+def test_keys_of_a_clearance_beside_it_are_told_their_place(key):
+    """Cams and gears have them themselves, so they are keys of joints."""
+    change = {f'joints.crank_rod.{key}': 0.5}
+    with pytest.raises(InputError, match=rf"did you mean 'clearance\.{key}' or 'stops\.{key}'"):
+        ms.load_scene('slider_crank', change)
+
+
 @pytest.mark.parametrize('points', [5, [], 'ground', ['ground']])
 def test_keys_of_other_kinds_are_refused_beside_points_that_are_none(points):
     change = {'joints.crank_rod': {'revolute': points, 'stiffness': 3.0}}
@@ -360,3 +368,20 @@ def test_parts_that_were_made_stay_as_they_are() -> None:
         )
         with pytest.raises(InputError, match=said):
             setattr(part, key, None)
+
+
+def test_formulas_that_yaml_cut_at_their_commas_are_told_to_need_quotes(tmp_path):
+    scene = tmp_path / 'ball.yaml'
+    scene.write_text("""
+mechanism: linkage
+links: {arm: {length: 1 m, mass: 1 kg}}
+joints: {pin: {revolute: [ground, arm]}}
+loads: {drag: {at: arm.end, force: [-hypot(vx, vy)*vx, -hypot(vx, vy)*vy]}}
+""")
+    with pytest.raises(InputError, match='a formula with a comma needs quotes'):
+        ms.load_scene(scene)
+
+
+def test_a_start_by_values_of_coordinates_is_told_its_key():
+    with pytest.raises(InputError, match=r"here that is 'initial', as in initial: {position"):
+        ms.load_scene('pendulum', {'start': {'position': {'bar': '30 deg'}}})

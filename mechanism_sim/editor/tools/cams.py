@@ -8,11 +8,21 @@ from typing import Any
 
 from mechanism_sim.editor.rounding import degrees, rounded
 from mechanism_sim.editor.sketch import Edit, Sketch, Spot, Way
-from mechanism_sim.editor.tool import Tool, register
+from mechanism_sim.editor.tool import draws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND, rotate
 
 
+@draws(
+    'cam',
+    'cam',
+    'A',
+    'M8 4a5 5 0 0 1 5 5 5 5 0 0 1-10 0c0-3 3-3 5-5zm0 3.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 '
+    '0-3zM8 0a1.6 1.6 0 1 1 0 3.2A1.6 1.6 0 0 1 8 0z',
+    'Press on a link that turns, or where a cam is to be; drag to a link that swings or '
+    'slides, or to where its follower is to be',
+    'band',
+)
 def _cam(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A roller on a link that swings or slides, or on a new one that slides away from the cam.
 
@@ -96,18 +106,3 @@ def _sliding_cam(sketch: Sketch, cam: Way, end: Spot) -> list[Edit]:
         },
     }
     return [Edit(sketch.named(cam.link, follower.partition('.')[0]), joint), *edits]
-
-
-register(
-    'cam',
-    Tool(
-        'cam',
-        'A',
-        'M8 4a5 5 0 0 1 5 5 5 5 0 0 1-10 0c0-3 3-3 5-5zm0 3.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 '
-        '0-3zM8 0a1.6 1.6 0 1 1 0 3.2A1.6 1.6 0 0 1 8 0z',
-        'Press on a link that turns, or where a cam is to be; drag to a link that swings or '
-        'slides, or to where its follower is to be',
-        _cam,
-        'band',
-    ),
-)

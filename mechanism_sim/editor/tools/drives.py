@@ -6,7 +6,7 @@ import math
 
 from mechanism_sim.editor.rounding import degrees, rounded
 from mechanism_sim.editor.sketch import GONE, Edit, Sketch, Spot, drives_of, point
-from mechanism_sim.editor.tool import Tool, register
+from mechanism_sim.editor.tool import draws
 from mechanism_sim.errors import InputError
 
 _MOTOR = {
@@ -33,6 +33,13 @@ def _driven(sketch: Sketch, start: Spot) -> tuple[str, bool]:
     return link, slides
 
 
+@draws(
+    'drive',
+    'drive',
+    'D',
+    'M8 2a6 6 0 0 1 6 6h2l-3 4-3-4h2a4 4 0 1 0-4 4v2A6 6 0 0 1 8 2z',
+    'Click on a link: it is driven at a constant speed',
+)
 def _drive(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
     """Constant speed of the link on which it is put."""
     scene = sketch.scene
@@ -49,6 +56,14 @@ def _drive(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
     return [Edit(('drive',), {'coordinate': link, **drive}), *more]
 
 
+@draws(
+    'drive',
+    'motor',
+    'Shift+D',
+    'M1 5h2V3h7v2h2v2h3v2h-3v2h-2v2H3v-2H1zm4 0v6h3V5z',
+    'Click on a link that turns: an induction motor with a gear drives it; its data sheet is '
+    'in the panel',
+)
 def _motor(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """An induction motor with its gear, instead of a constant speed if the link has one."""
     link, slides = _driven(sketch, start)
@@ -67,6 +82,14 @@ def _motor(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     return [*edits, *sketch.masses(), *lasts]
 
 
+@draws(
+    'drive',
+    'cylinder',
+    'C',
+    'M1 5h8v2h6v2H9v2H1z',
+    'Press on one point, drag to another: a cylinder with a driven rod',
+    'band',
+)
 def _cylinder(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A cylinder with its rod, pinned at both ends; the rod is driven."""
     a, b, long = sketch.ends(start, end, 'cylinder')
@@ -88,21 +111,3 @@ def _cylinder(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     if sketch.scene.duration is None:
         edits.append(Edit(('duration',), '1 s'))
     return edits
-
-
-register(
-    'drive',
-    Tool(
-        'drive', 'D', 'M8 2a6 6 0 0 1 6 6h2l-3 4-3-4h2a4 4 0 1 0-4 4v2A6 6 0 0 1 8 2z',
-        'Click on a link: it is driven at a constant speed', _drive,
-    ),
-    Tool(
-        'motor', 'Shift+D', 'M1 5h2V3h7v2h2v2h3v2h-3v2h-2v2H3v-2H1zm4 0v6h3V5z',
-        'Click on a link that turns: an induction motor with a gear drives it; its data sheet is '
-        'in the panel', _motor,
-    ),
-    Tool(
-        'cylinder', 'C', 'M1 5h8v2h6v2H9v2H1z',
-        'Press on one point, drag to another: a cylinder with a driven rod', _cylinder, 'band',
-    ),
-)  # fmt: skip

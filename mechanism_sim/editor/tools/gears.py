@@ -8,12 +8,22 @@ from typing import Any
 
 from mechanism_sim.editor.rounding import exactly
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
-from mechanism_sim.editor.tool import Draw, Tool, register
+from mechanism_sim.editor.tool import Draw, draws, refits
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.schema import JointPart
 
 
+@draws(
+    'mesh',
+    'gears',
+    'E',
+    'M4 3l.5-1h1L6 3h1l1 1v1l1 .5v1L8 7v1L7 9H6l-.5 1h-1L4 9H3L2 8V7l-1-.5v-1L2 5V4l1-1z'
+    'm6 5l.5-1h2l.5 1 1 .5v1l1 1-1 1.5v1l-1 1h-1l-1 1-1-1h-1l-1-1v-1l-1-1.5 1-1v-1z',
+    'Press on a link that turns, or where a gear is to be; drag to another, or to a link that '
+    'slides',
+    'band',
+)
 def _gears(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A pair as 1 to 2, or what fits a gear that is there; on a link that slides a rack."""
     if rail := sketch.sliding(end):
@@ -55,6 +65,7 @@ def _fixed(sketch: Sketch, shaft: Shaft) -> tuple[str, int, float]:
     return '', 0, 0.0
 
 
+@refits('mesh')
 def _refit(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
     """The module that fits the distance of the centres, unless that is to leave backlash."""
     scene = sketch.scene
@@ -76,6 +87,14 @@ def _refit(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
     return [Edit(('gears', gear, 'module'), module) for gear in joint.points]
 
 
+@draws(
+    'mesh',
+    'rack',
+    'Q',
+    'M8 1a4 4 0 1 1 0 8 4 4 0 0 1 0-8zM0 14v-3h2v-1h2v1h2v-1h2v1h2v-1h2v1h2v-1h2v4z',
+    'Press on a link that turns, or where a pinion is to be; drag to its rack',
+    'band',
+)
 def _rack(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A pinion and a rack that slides across the line from its centre to the place."""
     _, _, apart = sketch.ends(start, end, 'rack')
@@ -99,30 +118,6 @@ def _with_rack(sketch: Sketch, one: Shaft, rack: str, radius: float) -> list[Edi
         Edit(('gears', names[1]), {'at': rack, 'module': module, 'rack': True}),
         *(sketch.driven(one.link) if one.edits else []),
     ]
-
-
-register(
-    'mesh',
-    Tool(
-        'gears',
-        'E',
-        'M4 3l.5-1h1L6 3h1l1 1v1l1 .5v1L8 7v1L7 9H6l-.5 1h-1L4 9H3L2 8V7l-1-.5v-1L2 5V4l1-1z'
-        'm6 5l.5-1h2l.5 1 1 .5v1l1 1-1 1.5v1l-1 1h-1l-1 1-1-1h-1l-1-1v-1l-1-1.5 1-1v-1z',
-        'Press on a link that turns, or where a gear is to be; drag to another, or to a link that '
-        'slides',
-        _gears,
-        'band',
-    ),
-    Tool(
-        'rack',
-        'Q',
-        'M8 1a4 4 0 1 1 0 8 4 4 0 0 1 0-8zM0 14v-3h2v-1h2v1h2v-1h2v1h2v-1h2v1h2v-1h2v4z',
-        'Press on a link that turns, or where a pinion is to be; drag to its rack',
-        _rack,
-        'band',
-    ),
-    refit=_refit,
-)
 
 
 def _between(kind: str, stem: str, keys: Callable[[Sketch, Shaft, Shaft], dict[str, Any]]) -> Draw:
@@ -153,31 +148,24 @@ def _belt_keys(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, list[str]]:
     return {'radii': [sketch.size(share * apart) for share in (0.15, 0.25)]}
 
 
-register(
+draws(
     'belt',
-    Tool(
-        'belt',
-        'B',
-        'M3.5 6a2 2 0 0 0 0 4L11 13a5 5 0 0 0 0-10zm0 1.3L11 4.3a3.7 3.7 0 0 1 0 7.4L3.5 8.7z',
-        'Press on a link that turns, or where a pulley is to be; drag to the other',
-        _between('belt', 'pulley', _belt_keys),
-        'band',
-    ),
-)
+    'belt',
+    'B',
+    'M3.5 6a2 2 0 0 0 0 4L11 13a5 5 0 0 0 0-10zm0 1.3L11 4.3a3.7 3.7 0 0 1 0 7.4L3.5 8.7z',
+    'Press on a link that turns, or where a pulley is to be; drag to the other',
+    'band',
+)(_between('belt', 'pulley', _belt_keys))
 
 
-register(
+draws(
     'transmission',
-    Tool(
-        'ratio',
-        'I',
-        'M1 4h6v8H1zm8 0h6v8H9zM7 7h2v2H7z',
-        'Press on a link that turns, or where it is to be; drag to another: their angles '
-        'keep a ratio',
-        _between('transmission', 'shaft', lambda *_: {'ratio': '1/2'}),
-        'band',
-    ),
-)
+    'ratio',
+    'I',
+    'M1 4h6v8H1zm8 0h6v8H9zM7 7h2v2H7z',
+    'Press on a link that turns, or where it is to be; drag to another: their angles keep a ratio',
+    'band',
+)(_between('transmission', 'shaft', lambda *_: {'ratio': '1/2'}))
 
 
 def _bevel_keys(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
@@ -190,17 +178,14 @@ def _bevel_keys(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
     }
 
 
-register(
+draws(
     'bevel',
-    Tool(
-        'bevel',
-        'H',
-        'M1 6l5 2-5 2zm6-5l8 4H7zm0 6h8l-8 8z',
-        'Press on a link that turns, or where it is to be; drag to another: bevel gears',
-        _between('bevel', 'shaft', _bevel_keys),
-        'band',
-    ),
-)
+    'bevel',
+    'H',
+    'M1 6l5 2-5 2zm6-5l8 4H7zm0 6h8l-8 8z',
+    'Press on a link that turns, or where it is to be; drag to another: bevel gears',
+    'band',
+)(_between('bevel', 'shaft', _bevel_keys))
 
 
 def _worm_keys(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
@@ -209,14 +194,11 @@ def _worm_keys(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
     return {'teeth': [2, 30], 'diameter': sketch.size(wide), 'lead_angle': '10 deg'}
 
 
-register(
+draws(
     'worm',
-    Tool(
-        'worm',
-        'Y',
-        'M1 5h14v1.5l-14 3zm0 7.5V11l14-3v1.5zM1 14h14v1H1zM1 1h14v1H1z',
-        'Press on a link that turns, or where it is to be; drag to another: a worm and its wheel',
-        _between('worm', 'shaft', _worm_keys),
-        'band',
-    ),
-)
+    'worm',
+    'Y',
+    'M1 5h14v1.5l-14 3zm0 7.5V11l14-3v1.5zM1 14h14v1H1zM1 1h14v1H1z',
+    'Press on a link that turns, or where it is to be; drag to another: a worm and its wheel',
+    'band',
+)(_between('worm', 'shaft', _worm_keys))

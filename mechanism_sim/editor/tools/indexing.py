@@ -6,7 +6,7 @@ import math
 
 from mechanism_sim.editor.rounding import degrees, exactly, place
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
-from mechanism_sim.editor.tool import Tool, register
+from mechanism_sim.editor.tool import draws, refits
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.schema import JointPart
@@ -23,6 +23,7 @@ def _crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Sha
     return pin, at, shaft
 
 
+@refits('geneva')
 def _refit_geneva(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
     """The crank's length that fits the distance of the centres."""
     pin, wheel = joint.points
@@ -37,6 +38,14 @@ def _refit_geneva(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
     return [Edit(('links', crank, 'length'), exactly(length, sketch.grid.unit))]
 
 
+@draws(
+    'geneva',
+    'geneva',
+    'W',
+    'M8 1l1.5 4.5L14 4l-2.5 4 2.5 4-4.5-1.5L8 15l-1.5-4.5L2 12l2.5-4L2 4l4.5 1.5z',
+    'Press on the end of a crank, drag to the centre of a Geneva wheel: slots fit the distance',
+    'band',
+)
 def _geneva(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A wheel whose number of slots fits its centre distance best."""
     pin, at, shaft = _crank_of(sketch, start, 'a Geneva wheel')
@@ -62,21 +71,7 @@ def _geneva(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     ]
 
 
-register(
-    'geneva',
-    Tool(
-        'geneva',
-        'W',
-        'M8 1l1.5 4.5L14 4l-2.5 4 2.5 4-4.5-1.5L8 15l-1.5-4.5L2 12l2.5-4L2 4l4.5 1.5z',
-        'Press on the end of a crank, drag to the centre of a Geneva wheel: slots fit the '
-        'distance',
-        _geneva,
-        'band',
-    ),
-    refit=_refit_geneva,
-)
-
-
+@refits('rack')
 def _refit_stepper(sketch: Sketch, name: str, joint: JointPart) -> list[Edit]:
     """The pitch that fits the circle of the pin."""
     pin = point(sketch.scene, joint.points[0])
@@ -89,6 +84,14 @@ def _refit_stepper(sketch: Sketch, name: str, joint: JointPart) -> list[Edit]:
     return [Edit(('joints', name, 'pitch'), exactly(pitch, sketch.grid.unit))]
 
 
+@draws(
+    'rack',
+    'stepper',
+    'J',
+    'M0 6h3v5h2V6h3v5h2V6h3v5h3v4H0z',
+    'Press on the end of a crank, drag to the rail of a slotted rack, which it moves step by step',
+    'band',
+)
 def _stepper(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A rack that slides across the line from the crank's centre to the place."""
     pin, at, shaft = _crank_of(sketch, start, 'a slotted rack')
@@ -114,18 +117,3 @@ def _stepper(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
         *sketch.guide(base, rack, axis),
         lies,
     ]
-
-
-register(
-    'rack',
-    Tool(
-        'stepper',
-        'J',
-        'M0 6h3v5h2V6h3v5h2V6h3v5h3v4H0z',
-        'Press on the end of a crank, drag to the rail of a slotted rack, which it moves '
-        'step by step',
-        _stepper,
-        'band',
-    ),
-    refit=_refit_stepper,
-)

@@ -6,11 +6,19 @@ import math
 
 from mechanism_sim.editor.rounding import degrees
 from mechanism_sim.editor.sketch import GONE, ORIGIN, Edit, Pose, Sketch, Spot, referred
-from mechanism_sim.editor.tool import Tool, register
+from mechanism_sim.editor.tool import draws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND, Vector2
 
 
+@draws(
+    'revolute',
+    'pin',
+    'N',
+    'M8 4a4 4 0 1 1 0 8 4 4 0 0 1 0-8zm0 2.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 0-3z',
+    'Press on a point of a link, drag to a point of another: they are pinned together',
+    'band',
+)
 def _pin(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A pin between two points, which the machine brings together."""
     (one, new), (two, newer) = sketch.reference(start), sketch.reference(end)
@@ -19,19 +27,15 @@ def _pin(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     return [Edit(sketch.named(one, two), {'revolute': [one, two]}), *new, *newer]
 
 
-register(
-    'revolute',
-    Tool(
-        'pin',
-        'N',
-        'M8 4a4 4 0 1 1 0 8 4 4 0 0 1 0-8zm0 2.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 0-3z',
-        'Press on a point of a link, drag to a point of another: they are pinned together',
-        _pin,
-        'band',
-    ),
+@draws(
+    'prismatic',
+    'slider',
+    'S',
+    'M3 5h10v6H3zM0 12.5h16V14H0z',
+    'Press on the free end of a link, drag along the rail; release on another link, or '
+    'press on a pin of both, and the rail is on that',
+    'band',
 )
-
-
 def _slider(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A block pinned to a link, on a rail of the frame or of another link.
 
@@ -69,6 +73,15 @@ def _slider(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     return [sketch.link(block), *gone, *guide, *sketch.joint(own, block), *lies]
 
 
+@draws(
+    'prismatic',
+    'guide',
+    'U',
+    'M0 7h16v2H0zm5-3h6v2H5zm0 6h6v2H5z',
+    'Press on a link or the frame, drag along the rail: to a link that slides on it, or to '
+    'where a block is to be',
+    'band',
+)
 def _guide(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A link that slides on another, or a new block on a link or on the frame."""
     a, b, apart = sketch.ends(start, end, 'guide')
@@ -94,29 +107,16 @@ def _guide(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     return [joint, *edits, *([Edit(('guess', runner), GONE)] if known else [])]
 
 
-register(
-    'prismatic',
-    Tool(
-        'slider',
-        'S',
-        'M3 5h10v6H3zM0 12.5h16V14H0z',
-        'Press on the free end of a link, drag along the rail; release on another link, or '
-        'press on a pin of both, and the rail is on that',
-        _slider,
-        'band',
-    ),
-    Tool(
-        'guide',
-        'U',
-        'M0 7h16v2H0zm5-3h6v2H5zm0 6h6v2H5z',
-        'Press on a link or the frame, drag along the rail: to a link that slides on it, or to '
-        'where a block is to be',
-        _guide,
-        'band',
-    ),
+@draws(
+    'slot',
+    'slot',
+    'O',
+    'M4 5h8a3 3 0 0 1 0 6H4a3 3 0 0 1 0-6zm0 1.3a1.7 1.7 0 0 0 0 3.4h2.2a2.4 2.4 0 0 1 '
+    '0-3.4zm5.8 0a2.4 2.4 0 0 1 0 3.4H12a1.7 1.7 0 0 0 0-3.4z',
+    'Press on a pin, drag to the link with the slot; where there is nothing, a yoke slides '
+    'that way',
+    'band',
 )
-
-
 def _slot(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A slot of a link through its point, or origin, and the pin; or one across a new yoke."""
     pin, edits = sketch.on_link(start, 'the pin of a slot is')
@@ -147,26 +147,18 @@ def _slot(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     return [Edit(sketch.named(pin, link), joint), *edits]
 
 
-register(
-    'slot',
-    Tool(
-        'slot',
-        'O',
-        'M4 5h8a3 3 0 0 1 0 6H4a3 3 0 0 1 0-6zm0 1.3a1.7 1.7 0 0 0 0 3.4h2.2a2.4 2.4 0 0 1 '
-        '0-3.4zm5.8 0a2.4 2.4 0 0 1 0 3.4H12a1.7 1.7 0 0 0 0-3.4z',
-        'Press on a pin, drag to the link with the slot; where there is nothing, a yoke slides '
-        'that way',
-        _slot,
-        'band',
-    ),
-)
-
-
 def _round_axis(a: Vector2, b: Vector2) -> float:
     """The direction from one position to another, to a whole degree [rad]."""
     return math.radians(round(math.degrees(math.atan2(b[1] - a[1], b[0] - a[0]))))
 
 
+@draws(
+    'rotor',
+    'rotor',
+    'Z',
+    'M7 1h2v14H7zM1 7h14v2H1zm3-3h8v8H4z',
+    'Click: an unbalanced disk on a compliant support',
+)
 def _disk(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     """A disk of 10 kg, a millimetre off its axis, on one support."""
     base, edits = sketch.point(GROUND, sketch.where(start))
@@ -177,18 +169,13 @@ def _disk(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     return [*made, *sketch.masses(), *sketch.driven(disk)]
 
 
-register(
-    'rotor',
-    Tool(
-        'rotor',
-        'Z',
-        'M7 1h2v14H7zM1 7h14v2H1zm3-3h8v8H4z',
-        'Click: an unbalanced disk on a compliant support',
-        _disk,
-    ),
+@draws(
+    'stops',
+    'stops',
+    'Shift+K',
+    'M1 2h2v12H1zm12 0h2v12h-2zM5 6h6v4H5z',
+    'Click on a pin or a block: it stops 30 degrees, or a quarter of its way, to either side',
 )
-
-
 def _stops(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     """Stops on both sides of a pin or a guide: at 30 degrees, or a quarter of its travel."""
     name = start.handle.key if start.handle and start.handle.joint else ''
@@ -214,14 +201,3 @@ def _stops(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
 
 
 _SIDES = ('lower', -1.0), ('upper', 1.0)
-
-register(
-    'stops',
-    Tool(
-        'stops',
-        'Shift+K',
-        'M1 2h2v12H1zm12 0h2v12h-2zM5 6h6v4H5z',
-        'Click on a pin or a block: it stops 30 degrees, or a quarter of its way, to either side',
-        _stops,
-    ),
-)

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from mechanism_sim.editor.rounding import place
 from mechanism_sim.editor.sketch import Edit, Sketch, Spot
-from mechanism_sim.editor.tool import Tool, register
+from mechanism_sim.editor.tool import draws
 from mechanism_sim.errors import InputError
 
 
+@draws(
+    'elastic',
+    'elastic',
+    'Shift+O',
+    'M1 11C4 4 12 4 15 11l-1.8.8C10.6 6.6 5.4 6.6 2.8 11.8z',
+    'Click on a bar: it is of steel and bends; its section is in the panel',
+)
 def _elastic(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     """A bar of steel, a thirtieth as high as it is long, two thirds of that wide."""
     link = start.moving
@@ -22,15 +29,14 @@ def _elastic(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     return [Edit(('links', link, 'elastic'), elastic), *sketch.masses()]
 
 
-register(
-    'elastic',
-    Tool(
-        'elastic', 'Shift+O', 'M1 11C4 4 12 4 15 11l-1.8.8C10.6 6.6 5.4 6.6 2.8 11.8z',
-        'Click on a bar: it is of steel and bends; its section is in the panel', _elastic,
-    ),
-)  # fmt: skip
-
-
+@draws(
+    'oscillators',
+    'frame',
+    'Shift+M',
+    'M1 4h14v4H1zM3 9h2l1 1-3 1 3 1-3 1 2 1H3v1h3v-1l-2-.5 3-1-3-1 3-1-1-1.5zM10 9h2l1 1-3 1 '
+    '3 1-3 1 2 1h-2v1h3v-1l-2-.5 3-1-3-1 3-1-1-1.5z',
+    'Click below the machine: it stands on a frame on two mounts, which its bearings shake',
+)
 def _frame(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     """A frame that carries the machine, on two mounts below; it is shaken by the bearings."""
     if sketch.scene.oscillators:
@@ -47,15 +53,3 @@ def _frame(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     values = {'mass': '20 kg', 'inertia': inertia, 'cog': place(middle, step, unit)}
     made = Edit(('oscillators', sketch.name('frame', plain=True)), {**values, 'mounts': mounts})
     return [made, *sketch.masses()]
-
-
-register(
-    'oscillators',
-    Tool(
-        'frame', 'Shift+M',
-        'M1 4h14v4H1zM3 9h2l1 1-3 1 3 1-3 1 2 1H3v1h3v-1l-2-.5 3-1-3-1 3-1-1-1.5zM10 9h2l1 1-3 1 '
-        '3 1-3 1 2 1h-2v1h3v-1l-2-.5 3-1-3-1 3-1-1-1.5z',
-        'Click below the machine: it stands on a frame on two mounts, which its bearings shake',
-        _frame,
-    ),
-)  # fmt: skip

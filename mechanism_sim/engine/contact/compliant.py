@@ -100,10 +100,7 @@ class Hertz(CompliantLaw):
     stiffness: Quantity  #: [N/m^n]
     exponent: Quantity = 1.5
 
-    @property
-    def damping(self) -> float:
-        """Damping coefficient: zero, as the contact is elastic."""
-        return 0.0
+    damping = 0.0
 
     def normal_force(self, depth: Quantity, rate: Quantity, approach: Quantity) -> Quantity:
         """``K delta^n`` [N]; rate and approach do not matter."""

@@ -10,9 +10,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.engine.contact.chatter import ends, left_out, remaining_time
 from mechanism_sim.engine.contact.impact import (
     ContactCompliance,
@@ -35,8 +34,6 @@ from mechanism_sim.tolerances import TOLERANCES
 
 _CHATTER = TOLERANCES.chatter
 _IMPACTS = TOLERANCES.impacts
-
-Mask = NDArray[np.bool_]
 
 
 class ContactProblem(NamedTuple):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.engine.contact.chatter import ends, left_out, remaining_time
 from mechanism_sim.engine.contact.impact import jam_margin
 from mechanism_sim.engine.contact.problem import (
@@ -27,7 +27,6 @@ from mechanism_sim.engine.contact.problem import (
     Instant,
     Layout,
     Limits,
-    Mask,
     Resting,
     T,
     come_to_rest,
@@ -92,7 +91,7 @@ class EventArrays(NamedTuple):
     reals: Array  #: see `TIME`
     counters: Indices  #: see `STAGE`
     gaps: NDArray[np.int64]  #: (10, m) see `MODE`
-    marks: NDArray[np.bool_]  #: (6, m) see `SHUT`
+    marks: Mask  #: (6, m) see `SHUT`
     impacts: Array  #: (n, 12) log, with room for m rows
     changes: Array  #: (n, 4) log: time, gap, mode, mode before; with room for 2 m rows
 
@@ -109,7 +108,7 @@ class Situation(NamedTuple):
 @kernel
 def run_of(
     x: Array, parameters: Array, values: Array, reals: Array, whole: Indices,
-    marks: NDArray[np.bool_], impacts: Array, changes: Array,
+    marks: Mask, impacts: Array, changes: Array,
 ) -> EventArrays:  # fmt: skip
     """Named arrays of a run: terms at the start of `values`, counters at that of `whole`."""
     size, gaps = whole[SIZE], whole[COUNTERS:].reshape((10, whole[LAYOUT]))

@@ -16,14 +16,14 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.cam.distance import PlacedCam, constant
+from mechanism_sim.joints.cam.distance import PlacedCam
 from mechanism_sim.joints.cam.followers import FlatFaced, Oscillating, OscillatingFlat
 from mechanism_sim.joints.cam.profiles import distinct, outline_angles
 from mechanism_sim.joints.cam.reading import CamReading, read_cam
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.elastic import Beam
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.protocols import Wrench, moment_of
@@ -181,7 +181,7 @@ class CamClosure(HigherClosure[CamPair]):
         offset = m.frame(joint.first)[1]
         start = frames.parameters(f'{self.name}.phase', joint.sense * offset + joint.phase)
         turned = m.turning(frames, joint.first, joint.on_first, label)
-        return turned * float(joint.sense) + constant(start)
+        return turned * float(joint.sense) + lift(start)
 
     def _place(self, frames: Frames) -> Jet:
         """Position of the follower: from the camshaft [m], or from the line of centres [rad]."""
@@ -195,11 +195,9 @@ class CamClosure(HigherClosure[CamPair]):
         turned = frames.angle(frame)
         if joint.second in self.mechanism.having(Beam):
             turned += chord(self.mechanism, frames, joint.second, joint.pivot, joint.on_second)
-        return turned * sign + constant(known)
+        return turned * sign + lift(known)
 
-    def _from_camshaft(
-        self, frames: Frames, link: str, at: Vector2, label: str
-    ) -> tuple[Jet, Jet]:
+    def _from_camshaft(self, frames: Frames, link: str, at: Vector2, label: str) -> JetPair:
         """Vector from the camshaft to a point of a link, in the frame of `followers` [m]."""
         px, py = frames.position(self.mechanism.point(link, at), f'{self.name}.{label}')
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
@@ -215,7 +213,7 @@ class CamClosure(HigherClosure[CamPair]):
             hy.expression(v) if abs(v) == 1.0 else frames.parameters(f'{self.name}.axis.{k}', v)
             for k, v in enumerate(given)
         ]
-        return [constant(term) for term in terms]
+        return [lift(term) for term in terms]
 
 
 def _alone(x: Jet, name: str) -> Jet:

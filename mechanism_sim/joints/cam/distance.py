@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+from typing import ClassVar, Literal, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -33,15 +33,15 @@ from mechanism_sim.joints.cam.followers import (
 )
 from mechanism_sim.joints.cam.laws import Eccentric, Law, Piecewise, Raised
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent
-from mechanism_sim.numerics.symbolic import Term, dense, polynomial
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.numerics.symbolic import dense, polynomial
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.view import Side
 
 _LONGEST = 0.5 * math.pi  # [rad] of a row: beyond, its own place would be ambiguous
-Pair: TypeAlias = tuple[Jet, Jet]
 
+_Path = tuple[JetPair, JetPair, JetPair]
 NONE = Jet(None, {}, None, None)
 ONE = Jet(hy.expression(1.0), {}, None, None)
 
@@ -92,7 +92,7 @@ class Distance:
         count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2
         laws = displacement(self.cam.law, self.name, angle, frames, count)
         # the place at which the follower touches
-        at = laws[0] + constant(frames.parameters(f'{self.name}.lowest', self.lowest))
+        at = laws[0] + lift(frames.parameters(f'{self.name}.lowest', self.lowest))
         off = place - at
         if self.swings:  # of any number of turns, and nowhere zero but where the follower touches
             t = 2.0 * hy.tan(0.5 * off.value)
@@ -103,13 +103,13 @@ class Distance:
             if not follower.tilt:
                 return off
             cosine = frames.parameters(f'{self.name}.cosine', math.cos(follower.tilt))
-            return off * constant(cosine)
+            return off * lift(cosine)
         if isinstance(follower, OscillatingFlat):
             c, s = hy.cos(at.value), hy.sin(at.value)
             arm, turning = at.chain(c, -s, -c), laws[1] * float(follower.side)
             if not self.slides:
                 a = frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance)
-                arm, turning = arm * constant(a), ONE + turning
+                arm, turning = arm * lift(a), ONE + turning
             return off * arm * _reciprocal(turning)
         path = self._path(frames, at)
         along = self._along(path, laws)
@@ -124,29 +124,27 @@ class Distance:
         bend = self._bend(path, along, laws, square, speed)
         return off * (across + off * bend * 0.5)
 
-    def _path(self, frames: Frames, at: Jet) -> tuple[Pair, Pair, Pair]:
+    def _path(self, frames: Frames, at: Jet) -> _Path:
         """Centre of the roller and its two derivatives by the follower's position."""
         follower, p = self.cam.follower, frames.parameters
         if isinstance(follower, Translating):
-            offset = constant(p(f'{self.name}.offset', follower.offset))
+            offset = lift(p(f'{self.name}.offset', follower.offset))
             return (at, offset), (ONE, NONE), (NONE, NONE)
         assert isinstance(follower, Oscillating)  # noqa: S101 - the others have no roller
-        a = constant(p(f'{self.name}.pivot_distance', follower.pivot_distance))
-        b, side = constant(p(f'{self.name}.arm', follower.arm)), float(follower.side)
+        a = lift(p(f'{self.name}.pivot_distance', follower.pivot_distance))
+        b, side = lift(p(f'{self.name}.arm', follower.arm)), float(follower.side)
         c, s = hy.cos(at.value), hy.sin(at.value)
         x, y = b * at.chain(c, -s, -c), b * at.chain(s, c, -s) * side
         return (a - x, -y), (y * side, -(x * side)), (x, y)
 
-    def _along(self, path: tuple[Pair, Pair, Pair], laws: list[Jet]) -> Pair:
+    def _along(self, path: _Path, laws: list[Jet]) -> JetPair:
         """Velocity of the roller's centre seen from the cam, per radian or metre."""
         (x, y), way, _ = path
         if self.slides:
             return way[0] * laws[1], way[1] * laws[1] + ONE
         return way[0] * laws[1] - y, way[1] * laws[1] + x
 
-    def _bend(
-        self, path: tuple[Pair, Pair, Pair], along: Pair, laws: list[Jet], square: Jet, speed: Jet
-    ) -> Jet:
+    def _bend(self, path: _Path, along: JetPair, laws: list[Jet], square: Jet, speed: Jet) -> Jet:
         """Second derivative of D by the follower's position, from the pitch curve's curvature."""
         p, way, bent = path
         _, u1, u2 = laws
@@ -164,12 +162,7 @@ class Distance:
         return (_cross(bent, along) + curved) * _reciprocal(speed)
 
 
-def constant(term: Term) -> Jet:
-    """Jet of a constant term."""
-    return Jet(term, {}, None, None)
-
-
-def _cross(a: Pair, b: Pair) -> Jet:
+def _cross(a: JetPair, b: JetPair) -> Jet:
     return a[0] * b[1] - a[1] * b[0]
 
 

@@ -33,7 +33,7 @@ from mechanism_sim.joints.cam.laws import (
     check_smoothness,
     spelled,
 )
-from mechanism_sim.joints.cam.outlines import Edge, edge_cam, nose_cam, radii_cam
+from mechanism_sim.joints.cam.outlines import CamOutline, Edge, Radii, edge_cam, nose_cam
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.joints.cam.sheet import CamParts
 from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, Friction, clearance_spec_of
@@ -254,11 +254,6 @@ class LawPart(Part):
             raise ValueError("has an 'error', which is one of measured 'points'")
         return self
 
-    @property
-    def is_shape(self) -> bool:
-        """True if the cam is given instead of the motion of its follower."""
-        return not (self.segments or self.points)
-
 
 class LiftOffPart(Part):
     """A follower that leaves the cam and strikes it again."""
@@ -474,9 +469,10 @@ class _CamReader:
         """The profile; one that was found right is known for a while, for that takes long."""
         key = self.joint.model_dump_json(), guide.swings, self._slides, touching, self._frame
         if key not in _RIGHT:
+            law = self.joint.law
             cam = (
                 self._shaped(touching)
-                if self.joint.law and self.joint.law.is_shape
+                if law and not (law.segments or law.points)
                 else Cam(self._law(guide, touching), touching, self.joint.base_radius or 0.0)
             )
             self._check_cam(cam)
@@ -609,7 +605,8 @@ class _CamReader:
             return Cam(law_on(base), follower, base, law_on)
         if given.points:
             angles, radii = np.transpose(given.points)
-            outline = radii_cam(angles, radii, given.degree, given.error)
+            law_of_radii = MeasuredLaw(angles, radii, given.degree, error=given.error)
+            outline = CamOutline([Radii(law_of_radii.function)])
         else:
             outline = edge_cam([self._edge(edge) for edge in given.edges])
         found = outline.base_radius

@@ -20,7 +20,7 @@ from numpy.polynomial import Polynomial
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import FlatFaced, Follower, OscillatingFlat
-from mechanism_sim.joints.cam.laws import TURN, LawPiece, MeasuredLaw, Piecewise, PiecewiseLaw
+from mechanism_sim.joints.cam.laws import TURN, LawPiece, Piecewise, PiecewiseLaw
 from mechanism_sim.joints.cam.touch import turned
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients, chebyshev_nodes, fit_powers
 from mechanism_sim.planar.points import Vector2
@@ -318,12 +318,6 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
         first, last = Arc(a, flank, up, turn[0]), Arc(b, flank, turn[1], down)
     rest = Arc((0.0, 0.0), base, down, up + TURN)
     return CamOutline([first, Arc(centre, nose, *turn), last, rest])
-
-
-def radii_cam(angles: Array, radii: Array, degree: int = 5, error: float = 0.0) -> CamOutline:
-    """The profile through distances from the camshaft (n,) [m] at angles (n,) [rad]."""
-    law = MeasuredLaw(angles, radii, degree, error=error)
-    return CamOutline([Radii(law.function)])
 
 
 class Edge(NamedTuple):

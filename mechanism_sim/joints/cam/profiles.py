@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import Follower, Oscillating, Translating
 from mechanism_sim.joints.cam.laws import Jump, Law, check_smoothness, spelled
@@ -329,9 +329,7 @@ def _flaws(
     return flaws
 
 
-def runs_of(
-    x: Array, values: Array, chosen: NDArray[np.bool_]
-) -> Iterator[tuple[float, float, float, float]]:
+def runs_of(x: Array, values: Array, chosen: Mask) -> Iterator[tuple[float, float, float, float]]:
     """Runs of chosen places (n,): first and last, where the value is largest, and that value."""
     places = np.flatnonzero(chosen)
     for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):

@@ -19,11 +19,11 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames, Jet, lift
-from mechanism_sim.planar.gaps import with_turning
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
+from mechanism_sim.planar.gaps import ContactGap, with_turning
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Wrench, contact_wrench
 from mechanism_sim.planar.view import Draft, Side, circle
 
 _ACROSS = 48
@@ -90,15 +90,11 @@ class DiscClosure(HigherClosure[DiscPair]):
 
 
 @dataclass(frozen=True)
-class DiscGap:
+class DiscGap(ContactGap):
     """The distance of a disc from a disc or a bar."""
 
     pair: DiscPair
     mechanism: Mechanism
-    restitution: float
-    friction: float = 0.0
-    hypothesis: str = 'newton'
-    law: ForceLaw | None = None
 
     @property
     def name(self) -> str:
@@ -119,9 +115,6 @@ class DiscGap:
     def overlap(self) -> str:
         """One in the other."""
         return f'{self.pair.first} into {self.pair.second} in the contact {self.name}'
-
-    def draw(self, _: Draft) -> None:
-        """The pair shows its outlines."""
 
     # --- the measure ----------------------------------------------------------------------------
 
@@ -146,7 +139,7 @@ class DiscGap:
         root = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * value / self.reach))
         return np.asarray(2.0 * value / (1.0 + root))
 
-    def _apart(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _apart(self, frames: Frames) -> JetPair:
         """Vector from the second's point to the first's [m]."""
         return frames.position(self.mechanism.separation(self.name), self.name)
 
@@ -165,7 +158,7 @@ class DiscGap:
 
     def _along(
         self, frames: Frames, x: Jet, y: Jet
-    ) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet], tuple[hy.expression, hy.expression]]:
+    ) -> tuple[JetPair, JetPair, tuple[hy.expression, hy.expression]]:
         """Position of first's centre along and across a bar, and from its end; end flags."""
         ux, uy = self._bar(frames)
         along, across = ux * x + uy * y, ux * y - uy * x
@@ -177,7 +170,7 @@ class DiscGap:
 
     # --- the force ------------------------------------------------------------------------------
 
-    def _nearest(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _nearest(self, frames: Frames) -> JetPair:
         """Vector from the nearest point of the second's middle or segment to the first's."""
         x, y = self._apart(frames)
         if self.pair.end is None:
@@ -190,7 +183,7 @@ class DiscGap:
             across * ux * on + y * before + ey * after,
         )
 
-    def _bar(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _bar(self, frames: Frames) -> JetPair:
         """Unit vector along the second's segment."""
         end, start = self.pair.end, self.pair.on_second
         assert end is not None  # noqa: S101 - it is a bar
@@ -200,7 +193,7 @@ class DiscGap:
     def _minus(self, frames: Frames) -> hy.expression:
         return -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Normal from the first's middle to the second, ``-Q/R``."""
         x, y = self._nearest(frames)
         minus = self._minus(frames)

@@ -55,6 +55,4 @@ class ContactKeys(TouchingKeys):
 
     def bounds(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """Their distance."""
-        return [
-            DiscGap(joint, mechanism, spec.restitution, spec.friction, spec.hypothesis, spec.law())
-        ]
+        return [DiscGap(joint, mechanism, **spec.behaviour())]

@@ -15,12 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from mechanism_sim.joints.transmission.constraint import Transmission, TransmissionClosure
+from mechanism_sim.joints.transmission.constraint import Transmission
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.gaps import Wall
-from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.view import Draft, Side
+from mechanism_sim.planar.view import Side
 
 
 @dataclass(frozen=True)
@@ -38,10 +37,6 @@ class Freewheel(Transmission):
     @property
     def coupling(self) -> None:
         """Coupling of the links: none."""
-
-    def closure(self, mechanism: Mechanism) -> TransmissionClosure:
-        """Closure of the clutch as if it held in both directions."""
-        return TransmissionClosure(self, mechanism)
 
 
 @dataclass(frozen=True)
@@ -64,6 +59,3 @@ class Overrun(Wall):
     def overlap(self) -> str:
         """The second."""
         return f'{self.closure.joint.second} back behind the tooth of {self.joint}'
-
-    def draw(self, _: Draft) -> None:
-        """Draw nothing."""

@@ -55,8 +55,7 @@ class OneWayKeys(PhaseKeys):
     def bounds(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The one that holds."""
         side: Side = 'right' if joint.sense > 0.0 else 'left'
-        closure, law = joint.closure(mechanism), spec.law()
-        return [Overrun(closure, side, 0.0, spec.restitution, 0.0, spec.hypothesis, law)]
+        return [Overrun(joint.closure(mechanism), side, 0.0, **spec.behaviour())]
 
 
 @KINDS.add('freewheel')

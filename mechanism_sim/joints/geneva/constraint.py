@@ -18,12 +18,11 @@ from typing import Annotated, ClassVar, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint
 from mechanism_sim.planar.protocols import Wrench
@@ -36,9 +35,6 @@ from mechanism_sim.planar.view import (
     complex_of,
     points_of,
 )
-
-Pair = tuple[Jet, Jet]
-
 
 DRIVEN: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -53,7 +49,7 @@ DRIVEN: Mapping[str, tuple[str, ...]] = MappingProxyType(
 class GenevaReading(NamedTuple):
     """An intermittent drive at N instants; forces are NaN where masses are not known."""
 
-    engaged: Annotated[NDArray[np.bool_], Told('', 'pin in a slot: 1, else 0')]
+    engaged: Annotated[Mask, Told('', 'pin in a slot: 1, else 0')]
     driver_angle: Annotated[Array, Told('rad', 'angle of {first}', repeats=True)]
     driver_speed: Annotated[Array, Told('rad/s', 'speed of {first}', repeats=True)]
     driver_acceleration: Annotated[Array, Told('rad/s^2', 'acceleration of {first}', repeats=True)]
@@ -80,9 +76,7 @@ class IndexingPair(HigherPair):
     def reading(self, view: PairView) -> GenevaReading:
         """Reading: position of the pin in a slot, motions of both links, forces."""
 
-    def _read(
-        self, view: PairView, engaged: NDArray[np.bool_], centre: Array, effort: Array
-    ) -> GenevaReading:
+    def _read(self, view: PairView, engaged: Mask, centre: Array, effort: Array) -> GenevaReading:
         driver, driven = view.turning(self.first), view.trajectory(self.second)
         (fx, fy), torque = view.force, view.moment_on_first(centre)
         return GenevaReading(
@@ -160,7 +154,7 @@ class Geneva(IndexingPair):
 class GenevaClosure(HigherClosure[Geneva]):
     """A Geneva wheel without clearance."""
 
-    def _pin(self, frames: Frames) -> Pair:
+    def _pin(self, frames: Frames) -> JetPair:
         """Vector from the wheel's centre to the pin, in the world [m]."""
         return frames.position(self.mechanism.separation(self.name), self.name)
 
@@ -171,7 +165,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         inside = add(square, neg(mul(x.value, x.value)), neg(mul(y.value, y.value)))
         return frames.switch(self.name, dense(inside) / self.joint.entry**2)
 
-    def offset(self, frames: Frames) -> Jet:
+    def values(self, frames: Frames) -> list[Jet]:
         """Offset of the pin, or of the locked wheel at the slot's mouth, from closure [m].
 
         ``(r/N) sin(N (phi - psi))`` with the pin at polar coordinates r, phi about the wheel's
@@ -181,7 +175,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         slot = radius * sine(beside, self.joint.slots)
         entry = lift(dense(frames.parameters(f'{self.name}.entry', self.joint.entry)))
         locked = sine(turned, self.joint.slots) * entry
-        return either(self.engaged(frames), slot, locked)
+        return [either(self.engaged(frames), slot, locked)]
 
     def _off(self, frames: Frames) -> tuple[Jet, Jet, Jet]:
         """Radius r [m]; angles of the pin off a slot, and of the wheel off its locked position."""
@@ -196,21 +190,15 @@ class GenevaClosure(HigherClosure[Geneva]):
         slot, locked = (hy.cos(n * x.value) for x in off)
         return [on * slot - (1.0 - on) * locked]
 
-    def values(self, frames: Frames) -> list[Jet]:
-        """The offset [m]."""
-        return [self.offset(frames)]
-
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The pin presses across the slot; the crank's arc through the crank's centre."""
-        return self.pressed(frames, forces[0])
-
-    def pressed(self, frames: Frames, force: Term) -> Wrench:
-        """Wrench on the wheel of a force along the offset.
+        """The pin presses across the slot; the crank's arc through the crank's centre.
 
         With clearance the slot is not quite along the pin's direction: a part of the force is
         towards the wheel's centre, by the offset over the pin's distance.
         """
-        joint, on, offset = self.joint, self.engaged(frames), self.offset(frames)
+        joint, on, (force,), (offset,) = (
+            self.joint, self.engaged(frames), forces, self.values(frames),
+        )  # fmt: skip
         moment = mul(force, offset.gradient[self.mechanism.frame(joint.second)[0]])
         x, y = self._pin(frames)
         r = hy.sqrt(dense((x * x + y * y).value))
@@ -232,7 +220,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         )
 
 
-def _polar(x: Jet, y: Jet) -> Pair:
+def _polar(x: Jet, y: Jet) -> JetPair:
     """Radius and angle of a vector that does not vanish."""
     half = x.half_square() + y.half_square()
     r = hy.sqrt(2.0 * half.value)

@@ -40,7 +40,7 @@ from mechanism_sim.joints.mesh.reading import GearReading, read_mesh
 from mechanism_sim.linkages.springs import never_against
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, slid
-from mechanism_sim.planar.frames import Frames, Jet, lift, wrapped
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift, wrapped
 from mechanism_sim.planar.mechanism import Bar, Coupling, Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.protocols import ForceElement, Load, Wrench, moment_of
@@ -54,7 +54,7 @@ _FLANK = 14  # points of a drawn flank, its fillet among them
 class MeshClosure(HigherClosure[PlacedMesh]):
     """Gears in mesh without backlash."""
 
-    def places(self, frames: Frames) -> tuple[Jet, Jet]:
+    def places(self, frames: Frames) -> JetPair:
         """Angles of the gears against the carrier [rad]; of a rack, its displacement [m]."""
         j = self.joint
         return self._place(frames, j.first, j.on_first), self._place(frames, j.second, j.on_second)

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, Mask
 from mechanism_sim.joints.mesh.placement import PlacedMesh
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import Vector2
@@ -151,7 +151,7 @@ def _walls(view: PairView) -> NDArray[np.uint8] | None:
     return _one_of(left[1], right[1]) if left and right else None
 
 
-def _one_of(left: NDArray[np.bool_], right: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _one_of(left: Mask, right: Mask) -> NDArray[np.uint8]:
     mode = np.full(len(left), MeshMode.FREE, np.uint8)
     mode[left], mode[right] = MeshMode.LEFT, MeshMode.RIGHT
     return mode

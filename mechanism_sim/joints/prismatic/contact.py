@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.frames import Frames, Jet, lift
-from mechanism_sim.planar.gaps import SIDES, MeasuredGap, corner_name
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
+from mechanism_sim.planar.gaps import SIDES, MeasuredGap, gap_name
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Wrench, contact_wrench
 from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Side
 
@@ -36,10 +36,6 @@ class GuideClearance(MeasuredGap):
     side: Side
     corner: Vector2  #: [m] in the block's frame
     width: float  #: half width of the guide, from its axis [m]
-    restitution: float
-    friction: float = 0.0
-    hypothesis: str = 'newton'
-    law: ForceLaw | None = None
 
     softness: ClassVar[float] = 1e-6
     """Two corners that stick to one wall hold the same: they share it, giving way so little."""
@@ -51,7 +47,7 @@ class GuideClearance(MeasuredGap):
             raise TypeError(f'{self.joint} is not a prismatic joint')
         return joint
 
-    def _along(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
+    def _along(self, frames: Frames, angle: float, what: str) -> JetPair:
         return along(self.mechanism, frames, self._guide.line, angle, f'{self.joint}.{what}')
 
     def _foot(self, frames: Frames) -> Foot | None:
@@ -63,7 +59,7 @@ class GuideClearance(MeasuredGap):
         corner = frames.position(m.point(j.second, self.corner), f'{self.name}.corner')
         return rail.foot(frames, corner, self.name, thick=True)
 
-    def _off(self, frames: Frames, on: Vector2, link: str, what: str) -> tuple[Jet, Jet]:
+    def _off(self, frames: Frames, on: Vector2, link: str, what: str) -> JetPair:
         """The corner from a point of a link."""
         joint = self._guide
         corner = frames.position(
@@ -92,7 +88,7 @@ class GuideClearance(MeasuredGap):
         way = ux * x + uy * y
         return (-way if self.side == 'left' else way).as_rate
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Normal from the wall to the axis."""
         foot = self._foot(frames)
         nx, ny = foot.normal if foot else self._along(frames, 0.5 * math.pi, 'normal')
@@ -105,14 +101,7 @@ class GuideClearance(MeasuredGap):
 
 
 def corners(
-    mechanism: Mechanism,
-    joint: str,
-    size: Vector2,
-    clearance: float,
-    restitution: float,
-    friction: float = 0.0,
-    hypothesis: str = 'newton',
-    law: ForceLaw | None = None,
+    mechanism: Mechanism, joint: str, size: Vector2, clearance: float, **behaviour: Any
 ) -> Iterator[GuideClearance]:
     """The four corners of a block in its guide, the joint's point in its middle.
 
@@ -131,6 +120,6 @@ def corners(
         across = 0.5 * height * (1.0 if side == 'left' else -1.0)
         dx, dy = rotate((along, across), guide.axis - guide.angle)
         yield GuideClearance(
-            joint, corner_name(mechanism, guide, end, side), mechanism, side, (x + dx, y + dy),
-            0.5 * height + clearance, restitution, friction, hypothesis, law,
+            joint, gap_name(mechanism, guide, f'{end}_{side}'), mechanism, side, (x + dx, y + dy),
+            0.5 * height + clearance, **behaviour,
         )  # fmt: skip

@@ -58,10 +58,8 @@ class PrismaticKeys(AxisKeys):
         if not isinstance(spec, Clearance):  # as a guide has
             return (), ()
         size = spec.length or 0.0, spec.height or 0.0
-        return [*corners(
-            mechanism, joint.name, size, spec.radial, spec.restitution, spec.friction,
-            spec.hypothesis, spec.law(),
-        )], ()  # fmt: skip
+        gaps = corners(mechanism, joint.name, size, spec.radial, **spec.behaviour())
+        return [*gaps], ()
 
     def clearance_objection(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""

@@ -10,10 +10,10 @@ from typing import Literal
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.joints.geneva.constraint import GenevaReading, IndexingPair, Pair, either, sine
+from mechanism_sim.joints.geneva.constraint import GenevaReading, IndexingPair, either, sine
 from mechanism_sim.numerics.symbolic import Term, dense, mul
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.planar.protocols import Wrench, moment_of
@@ -81,7 +81,7 @@ class SlottedRack(IndexingPair):
 class RackClosure(HigherClosure[SlottedRack]):
     """A slotted rack without clearance."""
 
-    def _from_centre(self, frames: Frames, link: str, at: Vector2) -> Pair:
+    def _from_centre(self, frames: Frames, link: str, at: Vector2) -> JetPair:
         """Position of a point of a link: components along the rack and across it [m]."""
         label = f'{self.name}.of:{link}'
         x, y = frames.position(self.mechanism.point(link, at), label)

@@ -10,16 +10,16 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing, Vector
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet
-from mechanism_sim.planar.gaps import with_turning
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
+from mechanism_sim.planar.gaps import ContactGap, with_turning
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Point
-from mechanism_sim.planar.protocols import ForceLaw, Load, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Load, Wrench, contact_wrench
 from mechanism_sim.tolerances import TOLERANCES
 
 
 @dataclass(frozen=True)
-class BearingClearance:
+class BearingClearance(ContactGap):
     """A pin on the first-named link, loose in a bushing on the second-named link.
 
     With Q from bushing centre to pin centre and radial clearance c, the gap is ``c - |Q|``
@@ -30,11 +30,7 @@ class BearingClearance:
     name: str
     mechanism: Mechanism
     clearance: float  #: radial clearance c [m]
-    restitution: float
-    friction: float = 0.0
-    hypothesis: str = 'newton'
     pin_radius: float = 0.0  #: radius of the pin [m]
-    law: ForceLaw | None = None
 
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""
@@ -78,7 +74,7 @@ class BearingClearance:
         arms = self.pin_radius, -self.arm
         return with_turning(tangential, frames, self.mechanism, self.name, joint.points, arms)
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """``Q/c``: the direction from bushing centre to pin centre."""
         x, y = self._pin_in_bushing(frames)
         minus = self._minus_curvature(frames)
@@ -94,7 +90,7 @@ class BearingClearance:
         arm = frames.parameters(f'{self.name}.arm', self.arm)
         return contact_wrench(self.normal(frames), N, T, arm)
 
-    def _pin_in_bushing(self, frames: Frames) -> tuple[Jet, Jet]:
+    def _pin_in_bushing(self, frames: Frames) -> JetPair:
         return frames.position(self.apart, self.name)
 
     @property

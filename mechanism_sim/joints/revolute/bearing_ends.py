@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import heyoka as hy
 import numpy as np
@@ -22,10 +22,10 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet, lift
-from mechanism_sim.planar.gaps import ENDS, STOPS, FrictionlessGap, end_name
+from mechanism_sim.planar.gaps import ENDS, FrictionlessGap, gap_name
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND, Point, Vector2
-from mechanism_sim.planar.protocols import ForceLaw, Wrench, moment_of
+from mechanism_sim.planar.protocols import Wrench, moment_of
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def bearing_ends(
     known = {field.name: getattr(gap, field.name) for field in fields(gap)}
     for end, reach in zip(ENDS, (0.5 * length, -0.5 * length), strict=True):
         on_pin, on_bushing = ((reach * x, reach * y) for x, y in (pin, bushing))
-        known['name'] = end_name(m, joint, end)
+        known['name'] = gap_name(m, joint, end)
         yield BearingEnd(
             **known, bearing=joint.name, pin=on_pin, bushing=on_bushing, height=along + reach,
             reach=reach,
@@ -118,9 +118,6 @@ class AxialStop(FrictionlessGap):
     mechanism: Mechanism
     thrust: float  #: 1 for the stop of the first link's motion towards the reader, else -1
     play: float  #: axial clearance from the middle [m]
-    restitution: float
-    hypothesis: str = 'newton'
-    law: ForceLaw | None = None
     radius: float = 0.0  #: radius r [m]; 0 for a face without moment
     crown: float = 0.0  #: height k of the face's middle above its rim [m]
     pin: Vector2 = (0.0, 0.0)  #: [rad] inclination by manufacture, in the frame of its link
@@ -176,15 +173,6 @@ class AxialStop(FrictionlessGap):
         root = np.sqrt(self.crown**2 + self.radius**2 * (x * x + y * y))
         arm = np.divide(self.radius**2, root, out=np.zeros_like(root), where=root > 0.0)
         return np.asarray(N * arm * np.array([-y, x]))
-
-
-def axial_stops(mechanism: Mechanism, joint: str, play: float, **face: Any) -> Iterator[AxialStop]:
-    """Yield both stops of a bearing; `face` holds the other attributes of each."""
-    bearing = mechanism.joint(joint)
-    assert isinstance(bearing, Revolute)  # noqa: S101 - it is one
-    for stop, thrust in zip(STOPS, (1.0, -1.0), strict=True):
-        name = end_name(mechanism, bearing, stop)
-        yield AxialStop(name, joint, mechanism, thrust, play, **face)
 
 
 def seat(clearance: float, towards: Array, off: Array) -> Array:

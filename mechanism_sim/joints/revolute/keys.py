@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -22,12 +22,13 @@ from mechanism_sim.joints.contact_keys import (
 )
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, Place, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
-from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends, seat
+from mechanism_sim.joints.revolute.bearing_ends import AxialStop, bearing_ends, seat
 from mechanism_sim.joints.revolute.worn import LOOKS, FilmProfile, WornShape, worn_shape
 from mechanism_sim.joints.revolute.worn_bearing import WornBearing, WornFilm
 from mechanism_sim.joints.stops import StopKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
+from mechanism_sim.planar.gaps import STOPS, gap_name
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import Vector2, rotate
@@ -123,8 +124,7 @@ class RevoluteKeys(StopKeys):
         if spec.wall:
             leans = leaning(mechanism, name, spec)
             gap = BearingClearance(
-                name, mechanism, spec.reach, spec.restitution, spec.friction, spec.hypothesis,
-                spec.journal, spec.law(0.5 if leans else 1.0),
+                name, mechanism, spec.reach, spec.journal, **spec.behaviour(0.5 if leans else 1.0)
             )  # fmt: skip
             if isinstance(spec, Clearance) and (shape := _worn_of(spec)):
                 known = {field.name: getattr(gap, field.name) for field in fields(gap)}
@@ -217,15 +217,15 @@ def _film_profile(given: Clearance, shape: WornShape) -> FilmProfile | None:
     return FilmProfile.of(shape, depths, given.radial, roughness, given.profile.harmonics)
 
 
-def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:
+def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterator[Gap]:
     """Axial stops of a bearing."""
     e = c.restitution if axial.restitution is None else axial.restitution
     pin, bushing = _inclinations(c)
-    return axial_stops(
-        mechanism, joint, axial.play, restitution=e, hypothesis=c.hypothesis,
-        law=c.model_copy(update={'restitution': e}).law(), radius=axial.face_radius or 0.0,
-        crown=axial.crown or 0.0, pin=pin, bushing=bushing,
-    )  # fmt: skip
+    own = c.model_copy(update={'restitution': e, 'friction': 0.0})
+    face = axial.face_radius or 0.0, axial.crown or 0.0, pin, bushing
+    for stop, thrust in zip(STOPS, (1.0, -1.0), strict=True):
+        name = gap_name(mechanism, mechanism.joint(joint), stop)
+        yield AxialStop(name, joint, mechanism, thrust, axial.play, *face, **own.behaviour())
 
 
 def _inclinations(clearance: Clearance) -> tuple[Vector2, Vector2]:

@@ -7,14 +7,13 @@ from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.engine.contact.film import FilmShape, JournalMotion, Vector
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
 from mechanism_sim.joints.revolute.worn import FilmProfile, WornShape, WornSurface, product
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet, Parameters
+from mechanism_sim.planar.frames import Frames, Jet, JetPair, Parameters
 from mechanism_sim.planar.gaps import with_turning
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.protocols import Wrench, contact_wrench
@@ -26,8 +25,8 @@ class _Pressed(NamedTuple):
     """Contact of a worn bearing, in the world."""
 
     gap: Jet  #: gap [m]
-    place: tuple[Jet, Jet]  #: position of the pin from the bushing's centre [m]
-    normal: tuple[Jet, Jet]  #: from bushing to pin: values and rates
+    place: JetPair  #: position of the pin from the bushing's centre [m]
+    normal: JetPair  #: from bushing to pin: values and rates
     on_bushing: tuple[Term, Term]  #: part of the normal with a moment about the bushing's centre
 
 
@@ -76,7 +75,7 @@ class WornBearing(BearingClearance):
         """Gap between both surfaces as `WornSurface` measures it [m]."""
         return self._pressed(frames).gap
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Normal of both surfaces, from bushing to pin: of length 1 where they touch."""
         return self._pressed(frames).normal
 
@@ -128,7 +127,7 @@ class WornBearing(BearingClearance):
         """Distance of the walls (N,) [m] at coordinates (n, N)."""
         return self.distance(self._measure(q)[0])
 
-    def _measure(self, q: Array) -> tuple[Array, NDArray[np.complex128]]:
+    def _measure(self, q: Array) -> tuple[Array, ComplexArray]:
         """Value and gradient of the gap at coordinates (n, N)."""
         x, y = self.mechanism.trace(self.apart, q)[0]
         ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]

@@ -23,12 +23,11 @@ from typing import ClassVar, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.gaps import Wall
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import LinkPoint
@@ -102,7 +101,7 @@ class Rope(HigherPair):
 class Stretch(NamedTuple):
     """An open stretch of a rope."""
 
-    span: tuple[Jet, Jet]  #: vector between the centres of its ends [m]
+    span: JetPair  #: vector between the centres of its ends [m]
     length: hy.expression  #: length [m]
     way: tuple[hy.expression, hy.expression]  #: unit vector along it
 
@@ -148,7 +147,10 @@ class RopeClosure(HigherClosure[Rope]):
         for k, (before, after) in enumerate(pairwise(stretches), start=1):
             if radius := self.joint.pulleys[k].radius:
                 size = dense(frames.parameters(f'{self.name}.radius.{k}', abs(radius)))
-                excess.append(size * _wrap(before.way, after.way, math.copysign(1.0, radius)))
+                (bx, by), (ax, ay), sense = before.way, after.way, math.copysign(1.0, radius)
+                # half a turn and more while the rope bends the other way than the pulley
+                wrap = math.pi + hy.atan2(sense * (by * ax - bx * ay), -(bx * ax + by * ay))
+                excess.append(size * wrap)
         total = Jet(None, {}, None, None)
         for stretch in stretches:
             total += stretch.pulled
@@ -203,7 +205,7 @@ class Slack(Wall):
 
     closure: RopeClosure
 
-    def _laid(self, q: Array) -> tuple[Array, NDArray[np.complex128]]:
+    def _laid(self, q: Array) -> tuple[Array, ComplexArray]:
         """Lengths (k, N) [m] and directions of its open stretches at q (n, N)."""
         pulleys, tree = self.closure.joint.pulleys, self.closure.mechanism
         places = np.array([tree.locate_all(link, q, at) for (link, at), *_ in pulleys])
@@ -232,16 +234,3 @@ class Slack(Wall):
     def overlap(self) -> str:
         """Words for an overlap: the points of the rope beyond its length."""
         return f'the points of {self.joint} beyond its length'
-
-    def draw(self, _: Draft) -> None:
-        """The rope shows its pulleys."""
-
-
-def _wrap(
-    before: tuple[hy.expression, hy.expression],
-    after: tuple[hy.expression, hy.expression],
-    sense: float,
-) -> hy.expression:
-    """The angle [rad] that a rope turns by, counted in a sense (1 counterclockwise), 0 to 2 pi."""
-    (bx, by), (ax, ay) = before, after
-    return math.pi + hy.atan2(sense * (by * ax - bx * ay), -(bx * ax + by * ay))

@@ -91,8 +91,7 @@ class RopeKeys(TouchingKeys):
 
     def bounds(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The slack that it has left."""
-        closure, law = joint.closure(mechanism), spec.law()
-        return [Slack(closure, 'left', 0.0, spec.restitution, 0.0, spec.hypothesis, law)]
+        return [Slack(joint.closure(mechanism), 'left', 0.0, **spec.behaviour())]
 
     @classmethod
     def assembled(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, JetPair
 from mechanism_sim.planar.gaps import Wall, with_turning
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, StraightLine
 from mechanism_sim.planar.protocols import Wrench, contact_wrench, moment_of
@@ -55,7 +55,7 @@ class PinInSlot(HigherPair):
 class SlotClosure(HigherClosure[PinInSlot]):
     """A pin in a slot: the first link's point stays on a line of the second link."""
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Normal of the slot, 90 degrees counterclockwise from its axis."""
         if foot := self.foot(frames):
             return foot.normal
@@ -96,7 +96,7 @@ class SlotWall(Wall):
     def _foot(self, frames: Frames) -> Foot | None:
         return self.closure.foot(frames) if isinstance(self.closure, SlotClosure) else None
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> JetPair:
         """Normal from the centre line to the wall."""
         m, line, left = self.closure.mechanism, self.closure.joint.line, self.side == 'left'
         if foot := self._foot(frames):

@@ -37,6 +37,7 @@ class Transmission(HigherPair):
     """
 
     sides: ClassVar[tuple[Side, ...]] = ()
+    exact: ClassVar[bool] = True
     node: ClassVar[str] = 'gear_train'
     reads: ClassVar[type] = GearReading
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({
@@ -87,12 +88,8 @@ class Transmission(HigherPair):
     def coupling(self) -> Coupling | None:
         """Coupling of the angles or displacements against the carrier."""
         p, q = self.waves
-        return Coupling(self, self.carrier, (p / q, 1.0), self._racks)
-
-    @property
-    def _racks(self) -> tuple[Prismatic | None, Prismatic | None]:
         first, second = self.guides or (None, None)
-        return first, second
+        return Coupling(self, self.carrier, (p / q, 1.0), (first, second), self.exact)
 
     @property
     def alike(self) -> tuple[str, ...]:
@@ -110,14 +107,9 @@ class LooseTransmission(Transmission):
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
     parts: ClassVar[str] = 'dogs between stops'
+    exact: ClassVar[bool] = False  # its coupling holds on the mean only
 
     play: float = 0.0  #: backlash of the second to either side [rad]; [m] for sliding links
-
-    @property
-    def coupling(self) -> Coupling:
-        """Coupling of the links, which holds on the mean only."""
-        p, q = self.waves
-        return Coupling(self, self.carrier, (p / q, 1.0), self._racks, exact=False)
 
     @property
     def angular_clearance(self) -> bool:

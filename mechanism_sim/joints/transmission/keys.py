@@ -114,10 +114,7 @@ class TransmissionKeys(CarrierKeys):
     def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The stops."""
         closure = joint.closure(mechanism)
-        return walls(
-            closure, closure.lever * play.radial, play.restitution, 0.0, play.hypothesis,
-            play.law(),
-        ), ()  # fmt: skip
+        return walls(closure, closure.lever * play.radial, 0.0, **play.behaviour()), ()
 
 
 def guides_of(

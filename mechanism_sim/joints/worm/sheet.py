@@ -8,10 +8,7 @@ from mechanism_sim.joints.sheets import JointParts, PartFigure, Sheet
 class WormParts(JointParts):
     """A worm and its wheel."""
 
-    @property
-    def has_friction(self) -> bool:
-        """Their efficiency depends on friction."""
-        return True
+    has_friction = True
 
     def sheet(self, gear: str | None, friction: float) -> Sheet:
         """Their sizes, and their efficiency for a coefficient of friction."""

@@ -55,21 +55,16 @@ machine, beneath; of the range of many turns; of areas by themselves; of wear.""
 
 @dataclass(frozen=True)
 class Axis:
-    """A quantity and its unit along an axis.
-
-    Attributes
-    ----------
-    low, high : ends of the axis; None for those of the data
-    every : distance of ticks; None for an automatic one
-    names : labels at the positions `at` instead of numbers; `at` is by default 0, 1, ...
-    """
+    """A quantity and its unit along an axis."""
 
     words: str
     unit: str = ''
+    #: ends of the axis; None for those of the data
     low: float | None = None
     high: float | None = None
     log: bool = False
-    every: float | None = None
+    every: float | None = None  #: distance of ticks; None for an automatic one
+    #: labels at the positions `at` instead of numbers; `at` is by default 0, 1, ...
     names: tuple[str, ...] = ()
     at: tuple[float, ...] = ()
 
@@ -90,41 +85,28 @@ DIRECTION = Axis('direction', 'deg')
 
 @dataclass(frozen=True, eq=False)
 class ChartCurve:
-    """Curve of one quantity, drawn in one way.
+    """Curve of one quantity, drawn in one way."""
 
-    Attributes
-    ----------
-    x, y : (N,) in the units of the axes, of round panels direction [deg] and size; where they are
-        not a number a line breaks. None at all: an entry of the legend only
-    label : text in the legend; curves of the same label share an entry
-    of : quantity, as ``velocity.crank``: pointing at its links and joints highlights it
-    group : group shown and hidden together by the legend; by default the quantity
-    colour : index in the palette, or a colour
-    dash : index in `DASHES`
-    form : form of drawing; steps change midway between points, an area lies between `low` and y
-    look : one of `LOOKS`
-    marker : marker of the points, one of `MARKERS`
-    low, error : (N,) lower edge of an area; half the height of bars of error
-    when : (N,) times in the run [s], where x is another quantity
-    texts : labels of the points; may be empty
-    notes : hover texts of the points
-    """
-
+    #: (N,) in the units of the axes, of round panels direction [deg] and size; where they are not
+    #: a number a line breaks. None at all: an entry of the legend only
     x: Array
     y: Array
-    label: str = ''
+    label: str = ''  #: text in the legend; curves of the same label share an entry
+    #: quantity, as ``velocity.crank``: pointing at its links and joints highlights it
     of: str = ''
-    colour: int | str = 0
-    dash: int = 0
+    colour: int | str = 0  #: index in the palette, or a colour
+    dash: int = 0  #: index in `DASHES`
+    #: form of drawing; steps change midway between points, an area lies between `low` and y
     form: Literal['line', 'dots', 'stems', 'steps', 'area'] = 'line'
-    look: str = ''
-    marker: str = ''
+    look: str = ''  #: one of `LOOKS`
+    marker: str = ''  #: marker of the points, one of `MARKERS`
+    #: (N,) lower edge of an area; half the height of bars of error
     low: Array | None = None
     error: Array | None = None
-    when: Array | None = None
-    texts: Sequence[str] = ()
-    notes: Sequence[str] = ()
-    group: str = ''
+    when: Array | None = None  #: (N,) times in the run [s], where x is another quantity
+    texts: Sequence[str] = ()  #: labels of the points; may be empty
+    notes: Sequence[str] = ()  #: hover texts of the points
+    group: str = ''  #: group shown and hidden together by the legend; by default the quantity
 
     @property
     def shade(self) -> str:
@@ -154,24 +136,18 @@ _Scalable = TypeVar('_Scalable', float | None, Array | None)
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Axes with their curves.
-
-    Attributes
-    ----------
-    form : ``equal`` where both axes have one scale; ``polar``, with a direction and a size
-    height : height [in]
-    scale : name of a common range of y
-    impact_times : x of impacts, marked at the upper edge
-    """
+    """Axes with their curves."""
 
     x: Axis
     y: Axis
     curves: tuple[ChartCurve, ...]
     title: str = ''
+    #: ``equal`` where both axes have one scale; ``polar``, with a direction and a size
     form: Literal['plain', 'equal', 'polar'] = 'plain'
-    height: float = PANEL
-    scale: str = ''
+    height: float = PANEL  #: height [in]
+    scale: str = ''  #: name of a common range of y
     marks: tuple[Mark, ...] = ()
+    #: x of impacts, marked at the upper edge
     impact_times: Array = field(default_factory=lambda: NOTHING)
 
     @property
@@ -218,27 +194,18 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """One or several panels under a title.
+    """One or several panels under a title."""
 
-    Attributes
-    ----------
-    key : unique among all charts of a report
-    over : quantity of the horizontal axes: for ``time`` the time of the run [s], for ``value``
-        the varied value of a family of runs
-    joint : the joint, sensor or part that it is about; empty if it is about several
-    columns : panels side by side; panels above each other with the same x share it
-    width : width of a picture [in]
-    note : text below all panels
-    """
-
-    key: str
+    key: str  #: unique among all charts of a report
     title: str
     panels: tuple[Panel, ...]
+    #: quantity of the horizontal axes: for ``time`` the time of the run [s], for ``value`` the
+    #: varied value of a family of runs
     over: Over = 'other'
-    joint: str = ''
-    columns: int = 1
-    width: float = 8.0
-    note: str = ''
+    joint: str = ''  #: the joint, sensor or part that it is about; empty if it is about several
+    columns: int = 1  #: panels side by side; panels above each other with the same x share it
+    width: float = 8.0  #: width of a picture [in]
+    note: str = ''  #: text below all panels
 
     @property
     def rows(self) -> list[tuple[Panel, ...]]:
@@ -266,21 +233,15 @@ class Chart:
 
 @dataclass(frozen=True)
 class ChartSection:
-    """A subject with its charts.
-
-    Attributes
-    ----------
-    text : one or two sentences on the charts; may be empty
-    rows : a table beside the charts, line by line: what, and its value with its unit
-    table : another one, of more columns, its head first
-    """
+    """A subject with its charts."""
 
     key: str
     title: str
-    text: str
+    text: str  #: one or two sentences on the charts; may be empty
     charts: tuple[Chart, ...]
+    #: a table beside the charts, line by line: what, and its value with its unit
     rows: tuple[tuple[str, str], ...] = ()
-    table: tuple[tuple[str, ...], ...] = ()
+    table: tuple[tuple[str, ...], ...] = ()  #: another one, of more columns, its head first
 
 
 def joined(title: str, charts: Sequence[Chart], columns: int = 1) -> Chart:

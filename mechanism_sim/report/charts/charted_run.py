@@ -41,10 +41,6 @@ class ChartWindow:
     start, end : start and end of the part [s]
     frames : quantities of frames on springs, all over the run
     again : turns of the drive over which there is a `reach`; 0 for none
-
-    Attributes
-    ----------
-    quantities : quantities drawn as lines, by name
     """
 
     def __init__(
@@ -52,6 +48,7 @@ class ChartWindow:
         again: int = 0,
     ) -> None:  # fmt: skip
         self.record, self.start, self.end = record, start, end
+        #: quantities drawn as lines, by name
         self.quantities = {q.name: q for q in (*_charted(record.machine), *frames)}
         self._reach = Envelope(len(self.quantities), span=360.0 * again) if again else None
         self._levels = HeldLevels([n for n, q in self.quantities.items() if q.unit in _LOADS])

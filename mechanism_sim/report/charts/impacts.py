@@ -30,8 +30,7 @@ _SHUT = 1e-9  # [mm], never opened
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
 
-_RAYS = 600
-"""Impacts that a rose shows: of more, the hardest."""
+_RAYS = 600  # impacts that a rose shows: of more, the hardest
 
 
 def impacts(charted: ChartedRun, skip: int) -> ChartSection | None:

@@ -51,6 +51,7 @@ TURNS = 3
 _BESIDE = 6  # panels above each other, more are in two columns
 _KINDS = 2  # quantities that an axis names
 _SLACK = 1e-7  # [deg]
+_SWING = 180.0  # [deg] that a link which swings turns at most
 _WHOLE = 0.97  # share of a turn that counts as a whole one
 _MARKS = 1500  # distinguishable positions of impacts along a panel
 _MANY = 40_000  # points of a line, more are thinned
@@ -59,18 +60,12 @@ _TRUE = 4.0  # [in] height of a path that is true to scale
 
 
 class Abscissa(NamedTuple):
-    """Abscissa of a plot: its axis, and where times (N,) [s] are on it.
-
-    Attributes
-    ----------
-    span : drawn range of an angle [deg]: a turn, or a whole period in turns
-    of : the quantity, where it is neither time nor the angle of the drive
-    """
+    """Abscissa of a plot: its axis, and where times (N,) [s] are on it."""
 
     axis: Axis
     at: Callable[[Array], Array]
-    span: float = 0.0
-    of: str = ''
+    span: float = 0.0  #: drawn range of an angle [deg]: a turn, or a whole period in turns
+    of: str = ''  #: the quantity, where it is neither time nor the angle of the drive
 
     @property
     def kind(self) -> Over:
@@ -296,18 +291,25 @@ def _of(
     pieces = _pieces(x, y, s.t, over.span)
     whole = [k for k, (x, *_) in enumerate(pieces) if np.ptp(x) > _WHOLE * over.span]
     newest = whole[-1] if whole else 0
-    if reach is None and len(pieces) > TURNS and whole and not s.ideal:
+    known = reach is not None
+    if not known and len(pieces) > TURNS and whole and not s.ideal:
         reach = Envelope.of(x, s.values, over.span)
+    shift = 0.0
     if s.unit == 'rad':
         # angles [deg] less the whole turns that bring each turn nearest to the newest one
         start = float(pieces[newest][1][0])
         offset = offsets.setdefault(s.name, start - 360.0 * round(start / 360.0))
         pieces = [(x, y - 360.0 * round((y[0] - offset) / 360.0), t) for x, y, t in pieces]
-    if reach is not None and s.unit != 'rad':
+        shift = 360.0 * round((start - offset) / 360.0)
+    swings = s.unit != 'rad'  # angles of links that turn round have no range
+    if reach is not None:
         at, low, high = reach
+        low, high = scale * low - shift, scale * high - shift
+        swings = swings or bool(high.max() - low.min() < _SWING)
+    if reach is not None and swings:
         quiet = same | {'look': 'range', 'label': ''}
-        yield ChartCurve(at, scale * high, low=scale * low, form='area', **quiet)
-    elif newest and not s.ideal:
+        yield ChartCurve(at, high, low=low, form='area', **quiet)
+    elif newest and not s.ideal and not known:
         quiet = same | {'look': 'earlier', 'label': ''}
         yield _curve(pieces[max(0, newest - TURNS + 1) : newest], dash=dash, **quiet)
     only = bool(whole) and (s.ideal or len(pieces) > TURNS)

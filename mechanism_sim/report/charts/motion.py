@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +18,10 @@ from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
-_NOTHING = 1e-9
-"""Share of the largest of its kind below which a value is rounding."""
+_NOTHING = 1e-9  # share of the largest of its kind below which a value is rounding
+
+_FLAT = 50.0
+"""Times of the largest value of what varies from which on a constant hides it."""
 
 _KINDS = {
     'position': ('Angles', 'Displacements'),
@@ -61,7 +64,8 @@ def motion(charted: ChartedRun) -> ChartSection:
                 names = [name for name in names if name != f'position.{machine.plan.main}']
             if kind == 'acceleration':  # of a drive at constant speed there is none
                 names = [name for name in names if _varies(charted, name)]
-            if any(_varies(charted, name) for name in names):
+            names = _seen_together(charted, names)
+            if names:
                 key = f'motion-{kind}-{"straight" if straight else "turning"}'
                 charts.append(over_drive(charted, key, title, names))
     speed = f'velocity.{machine.plan.main}'
@@ -69,6 +73,17 @@ def motion(charted: ChartedRun) -> ChartSection:
         title = f'Speed of the {machine.plan.main} over the whole run'
         charts.append(over_time(charted, 'motion-speed-run', title, [speed]))
     return ChartSection('motion', 'Motion', over(charted), tuple(charts))
+
+
+def _seen_together(charted: ChartedRun, names: Sequence[str]) -> list[str]:
+    """Names of a chart, none if nothing varies.
+
+    Constants, such as the speed of a drive, go where what varies would be a flat line beside them.
+    """
+    size = {name: np.abs(charted.detail.lines[name].values).max() for name in names}
+    varying = [name for name in names if _varies(charted, name)]
+    largest = max((size[name] for name in varying), default=0.0)
+    return [n for n in names if n in varying or size[n] < _FLAT * largest] if varying else []
 
 
 def _varies(charted: ChartedRun, name: str) -> bool:

@@ -14,7 +14,7 @@ from mechanism_sim.analysis.details import SignalSpectrum as Spectral
 from mechanism_sim.analysis.published import PARTS
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series
-from mechanism_sim.analysis.summary import load_summary
+from mechanism_sim.analysis.summary import load_name, load_summary
 from mechanism_sim.arrays import Array
 from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.report.charts.chart import (
@@ -92,7 +92,7 @@ def loads(charted: ChartedRun) -> ChartSection | None:
         return None
     levels: dict[str, float] = {}
     for name, peak in found.items():
-        kind, _, of = name.removesuffix('.size').partition('.')
+        kind, of = load_name(name)
         line = kind if name == main else name
         if line in run.quantities:
             level = min(run.levels.reached(line, SHARE), abs(peak.value))

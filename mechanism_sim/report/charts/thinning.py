@@ -15,6 +15,7 @@ MOST = 4000
 """Points that a line keeps: about two for every pixel across a wide page."""
 _LEAST, _FINE = 1e-9, 1e-3  # lowest level, and logarithm of the ratio of levels
 _PARTS = 4  # parts of the time between positions
+_ROUNDING = 1e-6  # [deg] by which ends of segments may overlap
 
 
 class SampledLine(NamedTuple):
@@ -89,8 +90,23 @@ class Envelope:
         self._largest = np.full((bins, rows), -np.inf)
 
     def add(self, angle: Array, values: Array) -> None:
-        """Enter values (C, N) at angles (N,) [deg] of any turn."""
+        """Enter values (C, N) at angles (N,) [deg] of any turn, and on lines between them.
+
+        Lines between samples count where the drive does not turn back: else a turn of few samples
+        would leave out most of the angles.
+        """
         bins = len(self._least)
+        way = np.sign(angle[-1] - angle[0]) * angle
+        if (np.diff(way) > -_ROUNDING).all():
+            way = np.maximum.accumulate(way)
+            step = self._span / bins
+            between = np.arange(math.ceil(way[0] / step), math.floor(way[-1] / step) + 1) * step
+            at = np.clip(np.searchsorted(way, between), 1, len(way) - 1)
+            width = way[at] - way[at - 1]
+            share = np.divide(way[at] - between, width, out=np.zeros(len(at)), where=width > 0.0)
+            inside = values[:, at] + share * (values[:, at - 1] - values[:, at])
+            angle = np.append(angle, np.sign(angle[-1] - angle[0]) * between)
+            values = np.concatenate([values, inside], axis=1)
         of = np.rint(angle * (bins / self._span)).astype(np.intp) % bins
         order = np.argsort(of, kind='stable')
         of, values = of[order], values[:, order]
@@ -118,10 +134,7 @@ class Envelope:
         if (sense * np.diff(angle) < 0.0).any():
             return None
         found = cls(1, span=span)
-        low, high = sorted((angle[0], angle[-1]))
-        between = np.arange(low, high, 0.5)
-        inside = np.interp(sense * between, sense * angle, values)
-        found.add(np.append(angle, between), np.append(values, inside)[None])
+        found.add(angle, values[None])
         return found.rows()[0]
 
 

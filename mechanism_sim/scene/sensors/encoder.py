@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.keys.quantities import Angle
-from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
+from mechanism_sim.numerics.polynomials import TWO_PI, Times
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.sensor_keys import SENSORS, BetweenKeys, angle_between
 from mechanism_sim.sensing.channel import DirectSource, LevelPassage
@@ -50,7 +50,7 @@ class Encoder(DirectSource):
         self._passed = math.inf, 0, 0.0  # when, and what is counted from then on
         self._seen: Motion | None = None
 
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def read(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Counted angle (1, N) [rad] at instants as those of ``motion.curve.at(segments, dt)``."""
         if motion is not self._seen:
             self._seen = motion
@@ -66,7 +66,7 @@ class Encoder(DirectSource):
         return np.asarray(self._step * counts[None])
 
     def _angle(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Any
+        self, motion: Motion, segments: IndexArray, dt: Any
     ) -> tuple[NDArray[np.int64], Array]:
         """Whole turns (N,), and the angle beside them (N,) [rad]."""
         curve = motion.curve

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.polynomials import Times
 from mechanism_sim.scene.frame_forces import JointWrenches
 from mechanism_sim.scene.sensor_keys import (
     SENSORS,
@@ -38,7 +37,7 @@ class LoadCell(DirectSource):
         self._link, self._direction = self._mechanism.joint(joint).second, direction
         self._steps = VelocitySteps()
 
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def read(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Force (1, N) [N] at instants as those of ``motion.curve.at(segments, dt)``."""
         return self._along(*self._wrenches.read(motion, segments, dt))[None]
 

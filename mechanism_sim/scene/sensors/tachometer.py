@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
+from mechanism_sim.numerics.polynomials import TWO_PI, Times
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.sensor_keys import SENSORS, BetweenKeys, angle_between
 from mechanism_sim.sensing.channel import DirectSource, LevelPassage
@@ -38,7 +37,7 @@ class Tachometer(DirectSource):
         self._pulses = np.zeros(0)  # [s] of this motion, and the last two before it
         self._seen: Motion | None = None
 
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def read(self, motion: Motion, segments: IndexArray, dt: Times) -> Array:
         """Speed (1, N) [rad/s] at instants as those of ``motion.curve.at(segments, dt)``."""
         if motion is not self._seen:
             self._seen = motion

@@ -43,7 +43,9 @@ def slider_crank(name):
     )
     mechanism = Mechanism(bodies, joints, ('guide',), (0.0, -p['g']))
     size = 2.0 * p['a'], 2.0 * p['b']
-    gaps = [*corners(mechanism, 'guide', size, p['c'], p['e'], run['friction'])]
+    gaps = [
+        *corners(mechanism, 'guide', size, p['c'], restitution=p['e'], friction=run['friction'])
+    ]
     q, v = (tuple(map(float, run['start'][x])) for x in ('th', 'w'))
     if run['crank'] == 'free':
         system, laws = System(mechanism, gaps, (), 1), []

@@ -49,7 +49,7 @@ def test_depth_and_distance_of_a_measure_are_those_of_the_pins_place():
     """``|Q| - c`` in 40 digits, from deep in the wall to a picometre beside it and far from it."""
     c, y = 2e-4, hy.make_vars('y')
     mechanism = ms.load_scene('four_bar_clearance').mechanism
-    bearing = BearingClearance('coupler_rocker', mechanism, c, 0.5)
+    bearing = BearingClearance('coupler_rocker', mechanism, c, restitution=0.5)
     depth = hy.cfunc([bearing.depth(y)], vars=[y])
     with mp.workdps(40):
         deep = [mpf(x) for x in ('2e-5', '1e-12', '0', '-1e-12', '-1e-4')]
