@@ -6,6 +6,7 @@ import math
 import operator
 import re
 from array import array
+from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -100,8 +101,24 @@ class Series:
 
     @property
     def rising(self) -> NDArray[np.intp]:
-        """The instants that are later than all before."""
-        return np.flatnonzero(np.diff(np.maximum.accumulate(self.t), prepend=-np.inf) > 0.0)
+        """The most instants that rise, the first of several choices.
+
+        A single stamp far ahead is left out, and where a clock was set back what it repeats.
+        """
+        if (np.diff(self.t) > 0.0).all():
+            return np.arange(len(self.t))
+        # longest rising subsequence by patience sorting, from the end for the first choice
+        ends: list[float] = []  # least last value of a sequence of each length
+        places: list[int] = []  # and its index
+        before = [-1] * len(self.t)
+        for k in range(len(self.t) - 1, -1, -1):
+            n = bisect_left(ends, x := -float(self.t[k]))
+            before[k] = places[n - 1] if n else -1
+            ends[n : n + 1], places[n : n + 1] = [x], [k]
+        found = places[-1:]
+        while found and before[found[-1]] >= 0:
+            found.append(before[found[-1]])
+        return np.array(found, dtype=np.intp)
 
     def within(self, start: float | None, end: float | None) -> Series:
         """The part from `start` to `end` [s]."""

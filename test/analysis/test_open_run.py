@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import pickle
 import struct
 from dataclasses import replace
@@ -22,6 +23,7 @@ from running import run_json
 import mechanism_sim as ms
 from mechanism_sim.analysis.collectors import field_ranges
 from mechanism_sim.analysis.measurements import measurements
+from mechanism_sim.analysis.series import Series
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import JointState, serialize
 from mechanism_sim.recording.reader import read_bag
@@ -456,3 +458,35 @@ def test_names_and_stamps_that_are_not_what_they_seem_are_told(
     assert ('these times are stamps' in done.stdout) is bool(shown)
     fields = {'a', 'b'} if names == ['a', 'b'] else {'0', '1'}
     assert all(f'/arm.position[{field}]' in done.stdout for field in fields)
+
+
+@pytest.mark.parametrize('wrong', [4.0e8, 0.24])
+def test_a_stamp_that_is_wrong_costs_no_more_than_its_message(wrong, tmp_path):
+    """Positions are 0 to 49 rad, a hundred a second; all behind the wrong one was left out."""
+    path = tmp_path / 'states.mcap'
+    with BagWriter(path) as writer:
+        writer.add_topic('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+        for n in range(50):
+            state = JointState(name=['a'], position=[float(n)])
+            state.header.stamp = stamp(1.7e9 + (wrong if n == 10 else 0.01 * n))
+            writer.write('/joint_states', serialize(state), 17 * 10**17 + n * 10**7)
+    found = ms.open_run(path).columns('position.a', np.array([0.105, 0.245, 0.485]))
+    np.testing.assert_allclose(found['position.a'], [10.5, 24.5, 48.5], rtol=1e-4)
+
+
+def test_of_times_that_go_back_the_most_rise():
+    """By all subsets; where a clock was set back, what it repeats is left out."""
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        t = rng.integers(0, 8, rng.integers(1, 9)).astype(float)
+        found = Series('x', '', t, t).rising
+        most = max(
+            sum(chosen)
+            for chosen in itertools.product((0, 1), repeat=len(t))
+            if (np.diff(t[np.array(chosen) == 1]) > 0.0).all()
+        )
+        assert len(found) == most
+        assert (np.diff(found) > 0).all()
+        assert (np.diff(t[found]) > 0.0).all()
+    back = np.r_[np.arange(25.0), np.arange(5.0, 30.0)]
+    assert Series('x', '', back, back).rising.tolist() == [*range(25), *range(45, 50)]
