@@ -42,23 +42,19 @@ RESOURCE_PARSE_ERROR, INVALID_POSE, ENTITIES_SPAWN_FAILED = 106, 109, 150
 
 
 class LeadingDrive:
-    """The drive that a spawned machine follows, as seen by its own drive.
-
-    Attributes
-    ----------
-    time : time up to which its law is announced [s]; infinite without a leader
-    finished : True if it ends at `time`
-    run : number of its run, counted from the start of this machine
-    followed : True while this machine restarts with it
-    """
+    """The drive that a spawned machine follows, as seen by its own drive."""
 
     def __init__(self, node: Drive) -> None:
         about = (
             'Drive whose time this one follows, as /crank_drive; set where machines are spawned'
         )
         self.name = node.declare('leader', '', about, read_only=True)
-        self.time, self.finished, self.run = 0.0 if self.name else math.inf, False, 0
-        self._node, self._first, self.followed = node, -1, False
+        #: time up to which its law is announced [s]; infinite without a leader
+        self.time = 0.0 if self.name else math.inf
+        self.finished = False  #: True if it ends at `time`
+        self.run = 0  #: number of its run, counted from the start of this machine
+        self.followed = False  #: True while this machine restarts with it
+        self._node, self._first = node, -1
         if self.name:
             space, _, self._short = self.name.rpartition('/')
             self._topic = f'{space}/progress'
