@@ -42,27 +42,21 @@ _FEWEST = 16  # samples of a spectrum
 
 @dataclass(frozen=True)
 class Wanted:
-    """Request: names of sensors, of quantities and of joints.
+    """Request: names of sensors, of quantities and of joints."""
 
-    Attributes
-    ----------
-    spectra, orders, envelopes : names of sensors
-    averages, deviations : names of sensors, or of `Piece.sample`
-    impacts, wear : names of joints
-    band : band of the envelopes [Hz]; by default that of the largest spectral kurtosis
-    skip : whole turns of the drive at the start that are left out
-    pin_radius : radius of the pin for wear maps [m], instead of the scene's
-    """
-
+    #: names of sensors
     spectra: Sequence[str] = ()
     orders: Sequence[str] = ()
     envelopes: Sequence[str] = ()
-    averages: Sequence[str] = ()
+    averages: Sequence[str] = ()  #: names of sensors, or of `Piece.sample`
+    #: names of joints
     impacts: Sequence[str] = ()
     wear: Sequence[str] = ()
-    deviations: Sequence[str] = ()
+    deviations: Sequence[str] = ()  #: names of sensors, or of `Piece.sample`
+    #: band of the envelopes [Hz]; by default that of the largest spectral kurtosis
     band: tuple[float, float] | None = None
-    skip: int = 0
+    skip: int = 0  #: whole turns of the drive at the start that are left out
+    #: radius of the pin for wear maps [m], instead of the scene's
     pin_radius: float | None = None
 
     def __bool__(self) -> bool:

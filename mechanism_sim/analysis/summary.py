@@ -453,12 +453,6 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     Parameters
     ----------
     namespace : namespace of the machine, if the bag has several, as '/left'
-
-    Raises
-    ------
-    InputError
-        If it is no bag, its messages contradict each other, or it holds several machines and none
-        was chosen.
     """
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
     refuse_empty(bag)

@@ -25,23 +25,18 @@ _KEPT = 500  # states in the undo history
 
 
 class Document:
-    """A scene as text, with all texts before.
-
-    Attributes
-    ----------
-    text : text of the YAML file
-    file : path of the file; None for a new document
-    name : name of the scene
-    watch : callback with every change, as for `follow`
-    """
+    """A scene as text, with all texts before."""
 
     def __init__(self, text: str = _NEW, file: Path | None = None, name: str = 'machine') -> None:
-        self.text, self.file, self.name = text, file, name
+        self.text = text  #: text of the YAML file
+        self.file = file  #: path of the file; None for a new document
+        self.name = name  #: name of the scene
         self._before: list[str] = []
         self._after: list[str] = []
         self._saved = self._clean = text
         self._folder = file.parent if file else Path()
         self._content: tuple[str, dict[str, Any]] | None = None
+        #: callback with every change, as for `follow`
         self.watch: Callable[[str, Any], None] = _nobody
 
     def __getstate__(self) -> dict[str, Any]:

@@ -56,10 +56,6 @@ class Session:
     number : number of the first state
     heavy : reason by text that is not drawn because it is too large
     chosen : choices of the previous session of the document
-
-    Attributes
-    ----------
-    number : number of the document's state
     """
 
     def __init__(
@@ -71,7 +67,8 @@ class Session:
         chosen: Chosen | None = None,
     ) -> None:
         self.document, self._send = document, send
-        self.number, self._heavy = number, dict(heavy or {})
+        self.number = number  #: number of the document's state
+        self._heavy = dict(heavy or {})
         self._path, self._traced = chosen or ((), {})
         self._picture = nothing(Document().scene())
         self._beside = BesideDocument()

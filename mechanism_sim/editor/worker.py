@@ -49,22 +49,18 @@ class Worker:
     document : copy of the session's document, updated with each of its changes
     send : callback with kind, state number and JSON text of a message to all pages
     opened : callback after another document has been opened
-
-    Attributes
-    ----------
-    number : state number of the document, as in `Session`
-    trouble : reason why no process could be started; else empty
-    job : last job reported by the session, to be checked and run
     """
 
     def __init__(self, document: Document, send: Send, opened: Callable[[Document], None]) -> None:
         self.document, self._send, self._opened = document, send, opened
-        self.number, self.job = 0, None
+        self.number = 0  #: state number of the document, as in `Session`
+        self.job = None  #: last job reported by the session, to be checked and run
         self._heavy: dict[str, str] = {}  # reason by text that is not drawn
         self._since: float | None = None
         self._asked: tuple[str, Any] | None = None  # pending request, without any effect yet
         self._retried: tuple[str, Any] | None = None
-        self._tried, self.trouble = False, ''
+        self._tried = False
+        self.trouble = ''  #: reason why no process could be started; else empty
         self._chosen: Any = None  # selection and traced points of the session
         self._small = 0.0  # [MiB] memory of the new process
         self._process: Any = None

@@ -17,16 +17,10 @@ from mechanism_sim.scene import Machine
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of parts.
+    """A kind of parts."""
 
-    Attributes
-    ----------
-    topic : topic of its states
-    message : their class; its fields are those of a reading, after header, time and joint
-    """
-
-    topic: str
-    message: Any
+    topic: str  #: topic of its states
+    message: Any  #: their class; its fields are those of a reading, after header, time and joint
 
     def joints(self, machine: Machine) -> list[HigherPair]:
         """The joints whose readings are of this kind."""

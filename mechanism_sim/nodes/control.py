@@ -313,15 +313,12 @@ class SimulationControl:
 
     Without the package `simulation_interfaces` of ROS these services are missing, with a log
     entry.
-
-    Attributes
-    ----------
-    busy : name of the present operation, such as steps or a reset; else empty
-    stopped : True if a request has paused the run at time 0
     """
 
     def __init__(self, drive: Drive) -> None:
-        self._drive, self.busy, self.stopped = drive, '', False
+        self._drive = drive
+        self.busy = ''  #: name of the present operation, such as steps or a reset; else empty
+        self.stopped = False  #: True if a request has paused the run at time 0
         if drive.value('leader'):
             return  # a spawned machine follows the simulation
         try:

@@ -40,24 +40,16 @@ class Diagnosis:
 
 
 class DescribedNode(Node):
-    """A node with described parameters and diagnostics.
+    """A node with described parameters and diagnostics."""
 
-    Attributes
-    ----------
-    results : names of published topics with results
-    spoken : names of topics with messages of this package that it publishes or subscribes to
-    heard : names of those to which it subscribes
-    done : True if it has nothing left to do
-    keeps : True if it records messages of others, even after one of them has failed
-    """
-
-    done = False
-    keeps = False
+    done = False  #: True if it has nothing left to do
+    keeps = False  #: True if it records messages of others, even after one of them has failed
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
-        self.results: list[str] = []
+        self.results: list[str] = []  #: names of published topics with results
+        #: names of topics with messages of this package that it publishes or subscribes to
         self.spoken: set[str] = set()
-        self.heard: list[str] = []
+        self.heard: list[str] = []  #: names of those to which it subscribes
         super().__init__(name, parameter_overrides=list(parameters))
         self._lists: set[str] = set()  # parameters with a text or an array of texts
         self.add_on_set_parameters_callback(self._judge_values)

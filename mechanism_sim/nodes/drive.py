@@ -10,20 +10,13 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
 class Drive(SimulationNode):
-    """A node that announces laws of motion and advances time, see `CrankDrive`.
+    """A node that announces laws of motion and advances time, see `CrankDrive`."""
 
-    Attributes
-    ----------
-    announced : time [s] up to which the law is announced; new commands hold from then on
-    playing : True if time advances by itself
-    final : True if the law is announced to the end of the run, which is then unalterable
-    spawning : machines that follow this one, see `Spawning`
-    """
-
+    #: time [s] up to which the law is announced; new commands hold from then on
     announced: float
-    playing: bool
-    final: bool
-    spawning: Any
+    playing: bool  #: True if time advances by itself
+    final: bool  #: True if the law is announced to the end of the run, which is then unalterable
+    spawning: Any  #: machines that follow this one, see `Spawning`
 
     @property
     @abstractmethod

@@ -42,15 +42,7 @@ RESOURCE_PARSE_ERROR, INVALID_POSE, ENTITIES_SPAWN_FAILED = 106, 109, 150
 
 
 class LeadingDrive:
-    """The drive that a spawned machine follows, as seen by its own drive.
-
-    Attributes
-    ----------
-    time : time up to which its law is announced [s]; infinite without a leader
-    finished : True if it ends at `time`
-    run : number of its run, counted from the start of this machine
-    followed : True while this machine restarts with it
-    """
+    """The drive that a spawned machine follows, as seen by its own drive."""
 
     def __init__(self, node: Drive) -> None:
         about = (
@@ -61,8 +53,12 @@ class LeadingDrive:
             'Number of its run when this machine was spawned; negative: the first that is heard'
         )
         self._first = node.declare('leader_run', -1, about, read_only=True)
-        self.time, self.finished, self.run = 0.0 if self.name else math.inf, False, 0
-        self._node, self.followed = node, False
+        #: time up to which its law is announced [s]; infinite without a leader
+        self.time = 0.0 if self.name else math.inf
+        self.finished = False  #: True if it ends at `time`
+        self.run = 0  #: number of its run, counted from the start of this machine
+        self.followed = False  #: True while this machine restarts with it
+        self._node = node
         if self.name:
             space, _, self._short = self.name.rpartition('/')
             self._topic = f'{space}/progress'

@@ -145,24 +145,18 @@ class SliderReader:
     ----------
     q : (n, N) coordinates along its drive, for its drawing
     size : size for the scale of symbols, if not that of the machine [m]
-
-    Attributes
-    ----------
-    skeleton : skeleton of the drawing
-    base : dimensions of the base machine
-    equations : equations with all sliders moved, where no term vanishes by chance
-    found : the sliders
-    refused : usual keys without a slider
     """
 
     def __init__(self, machine: Machine, q: Array, size: float = 0.0) -> None:
         self.machine, self._q = machine, q
-        self.skeleton = skeleton_of(machine, q, size=size)
+        self.skeleton = skeleton_of(machine, q, size=size)  #: skeleton of the drawing
         drawn = shapes_of(self.skeleton)
         self._guides = {name: x.outline for name, x in drawn.items() if x.kind in _GUIDES}
+        #: dimensions of the base machine, and equations with all sliders moved, where no term
+        #: vanishes by chance
         self.base, self.equations = self._dimensions(machine)
-        self.found: list[Slider] = []
-        self.refused: list[str] = []
+        self.found: list[Slider] = []  #: the sliders
+        self.refused: list[str] = []  #: usual keys without a slider
         self._document = machine.scene.to_document()
 
     def _dimensions(self, machine: Machine) -> tuple[dict[str, Array], PageEquations]:

@@ -278,13 +278,9 @@ class Lens:
     ----------
     axes : Matplotlib's, square
     states : (N,) indices among the words of the clearance
-
-    Attributes
-    ----------
-    metre : length in the lens per metre of clearance
     """
 
-    metre: float
+    metre: float  #: length in the lens per metre of clearance
 
     def __init__(self, axes: Any, words: list[str], states: NDArray[np.uint8]) -> None:
         axes.set(xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE), aspect='equal')

@@ -61,24 +61,18 @@ class Symbol:
 
 
 class Symbols:
-    """Translation from heyoka to sympy for the equations of one machine.
-
-    Attributes
-    ----------
-    known : every symbol made so far, by its text
-    q, v, a : symbols by coordinate
-    state_rates : symbols of rates of states of first order
-    """
+    """Translation from heyoka to sympy for the equations of one machine."""
 
     def __init__(self, equations: Equations, states: Sequence[FormulaState] = ()) -> None:
-        self.known: dict[str, Symbol] = {}
+        self.known: dict[str, Symbol] = {}  #: every symbol made so far, by its text
         self._equations = equations
         self._displacements = equations.mechanism.displacements
         self._variables: dict[Expression, Expression] = {}
+        #: symbols by coordinate
         self.q: dict[str, Expression] = {}
         self.v: dict[str, Expression] = {}
         self.a: dict[str, Expression] = {}
-        self.state_rates: list[Expression] = []
+        self.state_rates: list[Expression] = []  #: symbols of rates of states of first order
         frames = equations.frames
         for c in equations.coordinates:
             stem, subject, what, unit = self._kind(c)

@@ -59,13 +59,7 @@ class Stats:
 
 
 def seconds_of(t: Any) -> Array:
-    """Times (N,) [s] of numbers, texts with units, or time differences of NumPy and pandas.
-
-    Raises
-    ------
-    InputError
-        For what is no time, such as a truth value or a date, or no list of times.
-    """
+    """Times (N,) [s] of numbers, texts with units, or time differences of NumPy and pandas."""
     given = np.atleast_1d(np.asarray(t))
     if given.dtype.kind == 'm':
         return np.asarray(durations(given))
@@ -336,14 +330,6 @@ class Runner:
         violate gaps, and asks for the audit of the one that it ends with
     together : steps that are audited at once where pieces have fewer: then work in pieces is not
         known before `balance` is asked for, and a run that fails does so some steps later
-
-    Attributes
-    ----------
-    machine : machine of the run
-    engine : its integrator
-    audit : energy balance of all pieces yielded so far
-    known : time [s] up to which the motion is known, including a step held back
-    more : True if further pieces follow the last one up to the requested time
     """
 
     def __init__(
@@ -355,9 +341,13 @@ class Runner:
         together: int = 0,
     ) -> None:
         self.machine = machine
+        #: integrator
         self.engine = engine or (machine.start() if resume is None else machine.resume(resume))
-        self.audit = Audit(machine.physics)
-        self.known, self.more = self.engine.time, True
+        self.audit = Audit(machine.physics)  #: energy balance of all pieces yielded so far
+        #: time [s] up to which the motion is known, including a step held back
+        self.known = self.engine.time
+        #: True if further pieces follow the last one up to the requested time
+        self.more = True
         self._audited, self._together = audited, together
         self._bends = BendWatch(machine.mechanism)
         self._entered: list[Piece] = []  # not audited yet

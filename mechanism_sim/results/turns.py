@@ -66,13 +66,7 @@ def impacts_by_turn(
 
 
 class DriveTurns:
-    """Times of numbers of turns of the drive, known as far as the motion is.
-
-    Attributes
-    ----------
-    begin, end : known range [s]: a resumed run begins later than its first turn
-    edges : the start of the run, and the ends of its whole turns so far [s]
-    """
+    """Times of numbers of turns of the drive, known as far as the motion is."""
 
     def __init__(self, machine: Machine, begin: float = -math.inf) -> None:
         """`begin` [s]: what was before counts as not seen."""
@@ -84,7 +78,9 @@ class DriveTurns:
         self._start: Place | None = None
         self._piece: tuple[PiecewisePolynomial, Array, Array] | None = None
         self._parts: dict[float, float] = {}  # when turns were made that are not whole ones
+        #: the start of the run, and the ends of its whole turns so far [s]
         self.edges: list[float] = []
+        #: known range [s]: a resumed run begins later than its first turn
         self.begin = self.end = 0.0
 
     def add(self, piece: Piece) -> None:

@@ -258,22 +258,16 @@ def band_share(x: Array, rate: float, band: tuple[float, float]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TurnSegments:
-    """A signal at n angles equally spaced in each of K whole turns, or of as many times r turns.
+    """A signal at n angles equally spaced in each of K whole turns, or of K times r turns."""
 
-    Attributes
-    ----------
-    values : (K, n) in the order of time; row k holds the angles ``2 pi r j / n`` from turn
-        ``first[k]`` on, or ``-2 pi r j / n`` of a shaft that turns backwards
-    first : (K,) whole turns before each row; rows that follow each other are neighbours in time
-        where they rise by r
-    backwards : True if the shaft rotates clockwise
-    turns : r
-    """
-
+    #: (K, n) in the order of time; row k holds the angles ``2 pi r j / n`` from turn
+    #: ``first[k]`` on, or ``-2 pi r j / n`` of a shaft that turns backwards
     values: Array
+    #: (K,) whole turns before each row; rows that follow each other are neighbours in time where
+    #: they rise by r
     first: NDArray[np.int64]
-    backwards: bool = False
-    turns: int = 1
+    backwards: bool = False  #: True if the shaft rotates clockwise
+    turns: int = 1  #: r
 
     @property
     def angle(self) -> Array:

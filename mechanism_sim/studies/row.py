@@ -86,17 +86,12 @@ class SweepTask:
 
 
 class _Figures:
-    """Figures of a row, from a run in pieces.
-
-    Attributes
-    ----------
-    edges : ends of the intervals that are counted [s]
-    since : start of the first interval that counts for figures [s]
-    """
+    """Figures of a row, from a run in pieces."""
 
     def __init__(self, machine: Machine, task: SweepTask) -> None:
+        #: ends of the intervals that are counted [s]
         self.edges, self._skip = task.extent.edges(machine)
-        self.since = self.edges[self._skip]
+        self.since = self.edges[self._skip]  #: start of the first that counts for figures [s]
         self._whole = bool(task.extent.revolutions)
         self._main = machine.physics.coordinates.index(machine.plan.main)
         self._slides = machine.plan.main in machine.mechanism.displacements

@@ -104,20 +104,13 @@ def has_failed(row: Row) -> bool:
 
 
 class FinishedRows:
-    """Rows of finished runs.
-
-    Attributes
-    ----------
-    rows : rows by key
-    failed : number of rows of failed runs
-    errors : errors of added failed rows, by key
-    cpu : CPU time of added rows [s]
-    """
+    """Rows of finished runs."""
 
     def __init__(self) -> None:
-        self.rows: dict[str, Row] = {}
-        self.failed, self.cpu = 0, 0.0
-        self.errors: dict[str, Exception] = {}
+        self.rows: dict[str, Row] = {}  #: rows by key
+        self.failed = 0  #: number of rows of failed runs
+        self.errors: dict[str, Exception] = {}  #: errors of added failed rows, by key
+        self.cpu = 0.0  #: CPU time of added rows [s]
 
     def add(self, finished: RunResult) -> None:
         """Keep a finished run."""

@@ -348,11 +348,6 @@ def path_four_bars(path: TargetPath, transmission: float = 0.0) -> list[PathFour
     Parameters
     ----------
     transmission : how far [rad] the angle between coupler and rocker keeps from 0 and from pi
-
-    Raises
-    ------
-    InputError
-        If there are less than five points, or none was found.
     """
     points = np.array(path.points)
     if points.shape[1:] != (2,) or len(points) < 5 or path.by == 't':

@@ -51,15 +51,6 @@ class Trials:
     ----------
     pool : within its block
     rows : rows computed already
-
-    Attributes
-    ----------
-    tried : values by path, by the key of the row
-    whole : try all combinations of lists of values first
-    units : units of the measures, known after the start
-    gradients : method of slopes so far: `EXACT`, `DIFFERENCES` or `NONE`
-    refused : reason for missing exact ones, if requested
-    never : True if there are none anywhere
     """
 
     def __init__(
@@ -73,11 +64,14 @@ class Trials:
     ) -> None:
         self.parameters, self.goals = tuple(parameters), tuple(goals)
         self._trial, self._pool, self._rows, self._show = trial, pool, rows, show
-        self.tried: dict[str, dict[str, Any]] = {}
-        self.units: list[str] = []
-        self.gradients, self.refused, self.never = NONE, '', False
+        self.tried: dict[str, dict[str, Any]] = {}  #: values by path, by the key of the row
+        self.units: list[str] = []  #: units of the measures, known after the start
+        self.gradients = NONE  #: method of slopes so far: `EXACT`, `DIFFERENCES` or `NONE`
+        self.refused = ''  #: reason for missing exact ones, if requested
+        self.never = False  #: True if there are none anywhere
         self._sloped: set[str] = set()
         self._counts = [len(p.choices) for p in parameters]
+        #: try all combinations of lists of values first
         self.whole = 0 < math.prod(self._counts) <= _WHOLE
 
     def values(self, place: Array) -> dict[str, Any]:

@@ -144,33 +144,26 @@ def _of_frame(name: str, frame: FrameMotion) -> Iterator[Quantity]:
 
 
 class ChartedRun:
-    """Quantities and marks of a run that charts draw.
-
-    Attributes
-    ----------
-    record : the run
-    begin : from when on it counts [s]
-    run : all of it from then on
-    turns : the last turns of the main drive, from and up to: whole ones from angle zero on, or
-        the last one from any angle, or as many as bring all again; None if it makes none
-    again : of these, on the axis of an angle
-    detail : these turns; all of the run if there are none
-    """
+    """Quantities and marks of a run that charts draw."""
 
     def __init__(self, record: Record, skip: int = 0) -> None:
         self.record = record
-        self.begin = record.begin(skip)
+        self.begin = record.begin(skip)  #: from when on it counts [s]
         self._frames = [
             quantity
             for name in record.machine.scene.oscillators
             for quantity in _of_frame(name, record.machine.oscillator(name).take(record.history))
         ]
+        #: turns on the axis of an angle; the last turns of the main drive, from and up to: whole
+        #: ones from angle zero on, or the last one from any angle, or as many as bring all again;
+        #: None if it makes none
         self.again, self.turns = _last_turns(record, skip)
         first, last = record.whole_turns(skip) if record.has_turns else (0, 0)
         many = record.machine.level.dynamic and last - first > TURNS * self.again
         reach = self.again if many else 0
+        #: all of it from then on
         self.run = ChartWindow(record, self.begin, record.end, self._frames, reach)
-        self.detail = self.run
+        self.detail = self.run  #: these turns; all of the run if there are none
         if self.turns:
             start, end = record.times_at(np.array(self.turns)).tolist()
             self.detail = ChartWindow(record, start, end, self._frames)
