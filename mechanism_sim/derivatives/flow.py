@@ -62,20 +62,12 @@ _SEATED = (
 
 @dataclass(frozen=True)
 class DerivativeLimit:
-    """An instant across which derivatives do not exist, or have another meaning.
+    """An instant across which derivatives do not exist, or have another meaning."""
 
-    Attributes
-    ----------
-    t : [s]
-    where : name of the joint, drive or load, if it is one
-    text : description of the event, and of the derivatives beyond it
-    ends : True if derivatives end there
-    """
-
-    t: float
-    where: str
-    text: str
-    ends: bool
+    t: float  #: [s]
+    where: str  #: name of the joint, drive or load, if it is one
+    text: str  #: description of the event, and of the derivatives beyond it
+    ends: bool  #: True if derivatives end there
 
     def __str__(self) -> str:
         place = f' in {self.where}' if self.where else ''

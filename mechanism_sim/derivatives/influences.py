@@ -20,8 +20,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law, unrolled
 from mechanism_sim.scene import Machine
 
-_Begun = tuple[tuple[int, ...], tuple[int, ...]]
-"""Modes of contacts, rows of switches."""
+_Begun = tuple[tuple[int, ...], tuple[int, ...]]  # modes of contacts, rows of switches
 
 NUMBERS = tuple(n for n in Impact._fields if n not in ('joint', 'ends_chatter'))
 """Fields of an impact that have derivatives."""

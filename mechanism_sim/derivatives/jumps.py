@@ -52,18 +52,11 @@ class _OrderError(NoDerivativeError):
 
 
 class Side(NamedTuple):
-    """A machine on one side of N events.
+    """A machine on one side of N events."""
 
-    Attributes
-    ----------
-    at : coordinates, rates and parameters
-    rates : (f + s, N) accelerations of free coordinates, rates of states
-    a : (n, N) accelerations of all coordinates
-    """
-
-    at: Points
-    rates: Array
-    a: Array
+    at: Points  #: coordinates, rates and parameters
+    rates: Array  #: (f + s, N) accelerations of free coordinates, rates of states
+    a: Array  #: (n, N) accelerations of all coordinates
 
     def some(self, which: Sequence[int] | IndexArray) -> Side:
         """Some of the events."""

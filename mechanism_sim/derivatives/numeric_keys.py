@@ -42,23 +42,14 @@ _SILENT = {
 
 @dataclass(frozen=True)
 class NumericKey:
-    """A number of a scene.
-
-    Attributes
-    ----------
-    path : dotted, as in overrides
-    value : value in SI units
-    unit : unit of the value in the scene, if not given by the key
-    step : [SI] step of the differences
-    given : True if the scene gives the value; else it is one of the computed start
-    """
+    """A number of a scene."""
 
     machine: Machine
-    path: str
-    value: float
-    unit: str
-    step: float
-    given: bool
+    path: str  #: dotted, as in overrides
+    value: float  #: value in SI units
+    unit: str  #: unit of the value in the scene, if not given by the key
+    step: float  #: [SI] step of the differences
+    given: bool  #: True if the scene gives the value; else it is one of the computed start
 
     def at(self, value: float) -> Machine:
         """The machine with another value."""

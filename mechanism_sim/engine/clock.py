@@ -17,19 +17,14 @@ from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law, TorqueLaw
 
 @dataclass(frozen=True)
 class Base:
-    """An instant from which the integrator counts time.
+    """An instant from which the integrator counts time."""
 
-    Attributes
-    ----------
-    time : [s], exact
-    turns : whole turns by coordinate, to be added to angles counted from this base
-    laws : coefficients of the prescribed coordinates, in powers of the time since the base
-    torques : coefficients of the torque laws, for angles counted from here
-    """
-
-    time: Fraction
+    time: Fraction  #: [s], exact
+    #: whole turns by coordinate, to be added to angles counted from this base
     turns: Mapping[str, int]
+    #: coefficients of the prescribed coordinates, in powers of the time since the base
     laws: tuple[tuple[float, ...], ...]
+    #: coefficients of the torque laws, for angles counted from here
     torques: tuple[tuple[float, ...], ...] = ()
 
     @cached_property

@@ -51,11 +51,9 @@ from mechanism_sim.tolerances import TOLERANCES
 _IMPACTS = TOLERANCES.impacts
 
 
-_CRAMER = 3
-"""Number of contacts up to which forces are solved by minors."""
+_CRAMER = 3  # number of contacts up to which forces are solved by minors
 
-_YIELDS = 1e40
-"""Compliance [1/kg] of inactive rows: that of any links is below its rounding."""
+_YIELDS = 1e40  # compliance [1/kg] of inactive rows: that of any links is below its rounding
 
 
 class Solved(NamedTuple):

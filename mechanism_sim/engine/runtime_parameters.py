@@ -16,41 +16,30 @@ from mechanism_sim.planar.protocols import Gap
 
 @dataclass(frozen=True, eq=False)
 class RuntimeParameters:
-    """Indices of the runtime parameters, and their initial values (n,).
+    """Indices of the runtime parameters, and their initial values (n,)."""
 
-    Attributes
-    ----------
-    values : initial values of all (n,), SI units
-    closed, sticks, slips : flag of every gap that it is closed; of every gap with friction, flag
-        that it sticks, and sign of its slip
-    approach, presses : speed of initial contact [m/s] of every compliant contact, and flag that it
-        carries force while closed
-    margin : hysteresis [m/s] of force loss of compliant contacts; None without them
-    stabilisation : rate of Baumgarte's method [1/s]
-    towards : components of a direction for every pin with friction, within about 120 deg of its
-        force
-    sides : sign of every normal force of friction in ideal joints
-    switches : values of the present row of every switch
-    laws, torques : coefficients of the law of every prescribed and every powered coordinate
-    outside : time of the base and whole turns that loads depend on, by their names
-    fired : number of the guard that ended a step, counted from 1; the last parameter
-    """
-
-    values: Array
+    values: Array  #: initial values of all (n,), SI units
+    #: flag of every gap that it is closed; of every gap with friction, flag that it sticks, and
+    #: sign of its slip
     closed: list[int]
     sticks: list[int]
     slips: list[int]
+    #: speed of initial contact [m/s] of every compliant contact, and flag that it carries force
+    #: while closed
     approach: list[int]
     presses: list[int]
-    margin: int | None
-    stabilisation: int
+    margin: int | None  #: hysteresis [m/s] of force loss of compliant contacts; None without them
+    stabilisation: int  #: rate of Baumgarte's method [1/s]
+    #: components of a direction for every pin with friction, within about 120 deg of its force
     towards: list[int]
-    sides: list[int]
-    switches: list[list[int]]
+    sides: list[int]  #: sign of every normal force of friction in ideal joints
+    switches: list[list[int]]  #: values of the present row of every switch
+    #: coefficients of the law of every prescribed and every powered coordinate
     laws: list[list[int]]
     torques: list[list[int]]
+    #: time of the base and whole turns that loads depend on, by their names
     outside: dict[str, int]
-    fired: int
+    fired: int  #: number of the guard that ended a step, counted from 1; the last parameter
 
 
 def lay_out(dynamics: Dynamics, pins: int) -> RuntimeParameters:

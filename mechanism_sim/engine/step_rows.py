@@ -38,8 +38,7 @@ STEP, _OUT, _DOUBTS, FIRST, MOST, WIDTH, SIZE, NEAR, STABILISATION = range(9)
 the first step; largest number of steps; number of states kept, and of all; index of the state for
 singular positions, or -1; index of the stabilisation."""
 
-_SAVED = 2e-6
-"""Time [s] that machine code saves for a step."""
+_SAVED = 2e-6  # time [s] that machine code saves for a step
 
 
 class RowArrays(NamedTuple):

@@ -12,8 +12,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Mechanism
 
-_STATIONS = 41
-"""Points along an axis from which viewers without shape functions draw."""
+_STATIONS = 41  # points along an axis from which viewers without shape functions draw
 
 _VISIBLE, _MOST = 0.04, 1000.0
 """Share of a machine's size that the largest deflection covers, and greatest magnification."""
@@ -25,16 +24,11 @@ class Bending:
 
     The magnified quantity is the distance of the axis from the straight line through the outermost
     joints of the link (from the parallel through a single one), so that these stay where they are.
-
-    Attributes
-    ----------
-    ends : positions [m] of these joints along the axis
-    magnified : magnification of deformations
     """
 
     beam: Beam
-    ends: tuple[float, float]
-    magnified: float = 1.0
+    ends: tuple[float, float]  #: positions [m] of these joints along the axis
+    magnified: float = 1.0  #: magnification of deformations
 
     def fields(self, x: Array) -> tuple[Array, Array, Array]:
         """Displacements along and across the axis [m], and slopes, at x (k,) [m]: (n, k) each."""

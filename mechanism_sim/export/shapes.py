@@ -51,28 +51,17 @@ class ShapePath(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A part of a drawing.
+    """A part of a drawing."""
 
-    Attributes
-    ----------
-    kind : kind of the part
-    link : link that carries it
-    curves : (k, 2) [m] defining curves in the link's frame: a single point, ends, corners
-    symbol : size of a joint in this drawing [m]
-    label : label of the link or joint; empty for none
-    size : size of wheels and hands, the largest of which are painted first
-    number : index of the moving link, which selects its colour; -1 for the ground
-    bends : True for an elastic link, whose edges have points enough to bend
-    """
-
-    kind: Kind
-    link: str
+    kind: Kind  #: kind of the part
+    link: str  #: link that carries it
+    #: (k, 2) [m] defining curves in the link's frame: a single point, ends, corners
     curves: tuple[Array, ...]
-    symbol: float
-    label: str = ''
-    size: float = 0.0
-    number: int = -1
-    bends: bool = False
+    symbol: float  #: size of a joint in this drawing [m]
+    label: str = ''  #: label of the link or joint; empty for none
+    size: float = 0.0  #: size of wheels and hands, the largest of which are painted first
+    number: int = -1  #: index of the moving link, which selects its colour; -1 for the ground
+    bends: bool = False  #: True for an elastic link, whose edges have points enough to bend
 
     @property
     def outline(self) -> Array:

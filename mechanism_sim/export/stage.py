@@ -35,8 +35,7 @@ PLAY, HALF = 0.6, 0.6
 """Under a lens, in radii of the bushing or halves of the space between walls: the play to each
 side, and half the length of what is between walls."""
 
-_LONGEST = 0.35
-"""Length of an arrow for a force that is rarely exceeded, of the machine's size."""
+_LONGEST = 0.35  # length of an arrow for a force that is rarely exceeded, of the machine's size
 _FINE = 100.0  # resolution of points for JSON, in parts of a tenth of a symbol
 _RARELY = 98.0  # [%] percentile of forces for the scale of arrows
 _SURFACE = 180  # points of a worn surface
@@ -47,37 +46,29 @@ class StageFrames:
     """A machine at N instants.
 
     L moving links, B loose bearings, W other clearances, J joints, K of them higher pairs.
-
-    Attributes
-    ----------
-    t : (N,) [s]
-    poses : (N, L, 3 + M) origin [m] and angle [rad, less whole turns] of the links' frames, and
-        elastic coordinates [m]
-    pins : (N, B, 2) [m] centre of the pin minus that of the bushing, in world axes
-    pin_rates : (N, B, 2) [m/s] rates of `pins`, for Hermite interpolation between instants
-    modes : (N, B) contact mode, as in ModeChange; 0 with an oil film
-    walls : (N, W, 2) [m] distance from the left and the right wall of a clearance, for a block
-        from the middle of its side; nan without a wall
-    off : (N, W, 2) [m] displacement of the inner part to the right of the walls' middle, and
-        distance from the left wall of a block's rear minus that of its front
-    touching : (N, W) 1 for contact with the left wall, 2 with the right one, 3 with both
-    forces : (N, J, 2) [N] force of the first on the second link, in world axes
-    feet : (N, K, 2) [m] points on lines of action of forces without a fixed point of action
-    drive : (N,) coordinate of the main drive [rad, m]
-    sway : (N, F, 3) magnified sway of the F frames on springs [m, rad], see `Skeleton.sways`
     """
 
-    t: Array
+    t: Array  #: (N,) [s]
+    #: (N, L, 3 + M) origin [m] and angle [rad, less whole turns] of the links' frames, and elastic
+    #: coordinates [m]
     poses: Array
-    pins: Array
+    pins: Array  #: (N, B, 2) [m] centre of the pin minus that of the bushing, in world axes
+    #: (N, B, 2) [m/s] rates of `pins`, for Hermite interpolation between instants
     pin_rates: Array
-    modes: NDArray[np.uint8]
+    modes: NDArray[np.uint8]  #: (N, B) contact mode, as in ModeChange; 0 with an oil film
+    #: (N, W, 2) [m] distance from the left and the right wall of a clearance, for a block from the
+    #: middle of its side; nan without a wall
     walls: Array
+    #: (N, W, 2) [m] displacement of the inner part to the right of the walls' middle, and distance
+    #: from the left wall of a block's rear minus that of its front
     off: Array
+    #: (N, W) 1 for contact with the left wall, 2 with the right one, 3 with both
     touching: NDArray[np.uint8]
-    forces: Array
+    forces: Array  #: (N, J, 2) [N] force of the first on the second link, in world axes
+    #: (N, K, 2) [m] points on lines of action of forces without a fixed point of action
     feet: Array
-    drive: Array
+    drive: Array  #: (N,) coordinate of the main drive [rad, m]
+    #: (N, F, 3) magnified sway of the F frames on springs [m, rad], see `Skeleton.sways`
     sway: Array
 
     def acting(self, stage: Stage) -> Array:
@@ -110,21 +101,16 @@ class StageFrames:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Animated parts of a machine, and their sizes.
-
-    Attributes
-    ----------
-    low, high : corners (2,) [m] of all moving parts with usual arrows, and a margin
-    force_scale : length of arrows per force [m/N]; 0 without forces
-    widths : distance [m] of both walls, or largest gap at a single one, by joint of `plays`; for
-        permanent contact (names in `closed`) a drawn width
-    """
+    """Animated parts of a machine, and their sizes."""
 
     machine: Machine
     skeleton: Skeleton
+    #: corners (2,) [m] of all moving parts with usual arrows, and a margin
     low: Array
     high: Array
-    force_scale: float
+    force_scale: float  #: length of arrows per force [m/N]; 0 without forces
+    #: distance [m] of both walls, or largest gap at a single one, by joint of `plays`; for
+    #: permanent contact (names in `closed`) a drawn width
     widths: dict[str, float] = field(default_factory=dict)
     closed: set[str] = field(default_factory=set)
 

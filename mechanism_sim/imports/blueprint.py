@@ -27,17 +27,12 @@ _TURNED = 1e-15  # [rad] tolerance of angles
 
 @dataclass
 class BlueprintLink:
-    """A link.
+    """A link."""
 
-    Attributes
-    ----------
-    pose : pose of its frame in the world; lengths in the unit of the blueprint
-    points : coordinates in its frame, by name
-    keys : further keys of the link in the scene, as mass
-    """
-
+    #: pose of its frame in the world; lengths in the unit of the blueprint
     pose: Pose = (0.0, 0.0, 0.0)
-    points: dict[str, Vector2] = field(default_factory=dict)
+    points: dict[str, Vector2] = field(default_factory=dict)  #: coordinates in its frame, by name
+    #: further keys of the link in the scene, as mass
     keys: dict[str, Any] = field(default_factory=dict)
 
     def at(self, point: str) -> Vector2:
@@ -52,23 +47,17 @@ class BlueprintLink:
 
 @dataclass
 class Blueprint:
-    """A machine to be written as a scene.
-
-    Attributes
-    ----------
-    unit : unit of all lengths
-    joints, keys : joints and further keys, in the form of the scene
-    outlines : areas of drawn links, negative for holes
-    notes : sentences on differences from the file
-    """
+    """A machine to be written as a scene."""
 
     title: str
-    unit: str = 'm'
+    unit: str = 'm'  #: unit of all lengths
     links: dict[str, BlueprintLink] = field(default_factory=lambda: {GROUND: BlueprintLink()})
+    #: joints and further keys, in the form of the scene
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
     keys: dict[str, Any] = field(default_factory=dict)
+    #: areas of drawn links, negative for holes
     outlines: dict[str, list[Any]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  #: sentences on differences from the file
 
     def length(self, value: float) -> str:
         """Text of a length with its unit, to 15 digits; rounding errors become 0."""

@@ -32,28 +32,19 @@ READERS: dict[str, Reader] = {
 }
 """Readers by ending: of the path, the text, and the unit of lengths, if it is told."""
 
-_METRIC = '.sdf', '.urdf', '.xml'
-"""Formats whose lengths are in metres."""
+_METRIC = '.sdf', '.urdf', '.xml'  # formats whose lengths are in metres
 
 _ADDRESSES = 'http://', 'https://'
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A scene from another program's file.
+    """A scene from another program's file."""
 
-    Attributes
-    ----------
-    name : name of the scene
-    data : keys and values of the scene
-    text : text of the scene as a YAML file
-    notes : sentences on changed or missing contents of the file
-    """
-
-    name: str
-    data: Mapping[str, Any]
-    text: str
-    notes: tuple[str, ...]
+    name: str  #: name of the scene
+    data: Mapping[str, Any]  #: keys and values of the scene
+    text: str  #: text of the scene as a YAML file
+    notes: tuple[str, ...]  #: sentences on changed or missing contents of the file
 
 
 def is_importable(source: str) -> bool:

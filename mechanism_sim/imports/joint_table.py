@@ -47,22 +47,17 @@ class JointRow(NamedTuple):
 
 @dataclass
 class JointTable:
-    """A mechanism defined by its joints.
-
-    Attributes
-    ----------
-    order : names of joints by link, if the file has an order of its own
-    speed, pace : speed of the input and its unit; sliding inputs in lengths per second
-    swing : formula of the input angle, instead of a speed
-    """
+    """A mechanism defined by its joints."""
 
     title: str
     unit: str
     rows: list[JointRow]
+    #: names of joints by link, if the file has an order of its own
     order: Mapping[str, list[str]]
+    #: speed of the input and its unit; sliding inputs in lengths per second
     speed: float = 10.0
     pace: str = 'rpm'
-    swing: str = ''
+    swing: str = ''  #: formula of the input angle, instead of a speed
 
     def blueprint(self) -> Blueprint:
         """The machine. Links begin at the ground, or at their first joint."""

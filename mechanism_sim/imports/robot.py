@@ -55,13 +55,7 @@ class RobotBody:
 
 @dataclass(frozen=True)
 class RobotJoint:
-    """A joint `revolute`, `prismatic`, `slot` or `fixed` at a point of both its bodies.
-
-    Attributes
-    ----------
-    axis : (3,) direction in the frame of the child; zeros for a loop without one
-    turn : (3, 3) rotation of the child in the parent, for a fixed joint
-    """
+    """A joint `revolute`, `prismatic`, `slot` or `fixed` at a point of both its bodies."""
 
     name: str
     kind: str
@@ -69,33 +63,30 @@ class RobotJoint:
     child: str
     on_parent: Array
     on_child: Array
-    axis: Array
+    axis: Array  #: (3,) direction in the frame of the child; zeros for a loop without one
+    #: (3, 3) rotation of the child in the parent, for a fixed joint
     turn: Array = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass
 class Robot:
-    """Bodies, joints of the tree and of loops, and further contents of a file.
-
-    Attributes
-    ----------
-    ratios : constant linear combinations of joint coordinates, by name
-    geared : constant linear combinations of angles of bodies, by name
-    drives : linear combinations of joint coordinates, with their speeds [rad/s, m/s]
-    springs : ends (body, point) and keys of the scene, by name
-    twists : springs of linear combinations of joint coordinates by name: stiffness, damping
-        [SI], free value less that at the start, and the only side on which they act
-    """
+    """Bodies, joints of the tree and of loops, and further contents of a file."""
 
     title: str
     bodies: dict[str, RobotBody] = field(default_factory=lambda: {WORLD: RobotBody(WORLD)})
     joints: list[RobotJoint] = field(default_factory=list)
+    #: constant linear combinations of joint coordinates, by name
     ratios: dict[str, dict[str, float]] = field(default_factory=dict)
+    #: constant linear combinations of angles of bodies, by name
     geared: dict[str, dict[str, float]] = field(default_factory=dict)
+    #: linear combinations of joint coordinates, with their speeds [rad/s, m/s]
     drives: list[tuple[dict[str, float], float]] = field(default_factory=list)
+    #: ends (body, point) and keys of the scene, by name
     springs: dict[str, tuple[list[tuple[str, Array]], dict[str, Any]]] = field(
         default_factory=dict
     )
+    #: springs of linear combinations of joint coordinates by name: stiffness, damping [SI], free
+    #: value less that at the start, and the only side on which they act
     twists: dict[str, tuple[dict[str, float], float, float, float, str]] = field(
         default_factory=dict
     )

@@ -31,20 +31,12 @@ from mechanism_sim.units import EXAMPLES, QuantityValue, plain, resolved, to_si,
 
 @dataclass(frozen=True)
 class UnitValue:
-    """An annotation of fields: values with units are converted before validation.
+    """An annotation of fields: values with units are converted before validation."""
 
-    Attributes
-    ----------
-    read : function that converts a value of a file to a number
-    units : possible SI units; empty for a plain number
-    other : description of other allowed values
-    pair : True if a list of two is allowed
-    """
-
-    read: Callable[[Any], Any]
-    units: tuple[str, ...]
-    other: str = ''
-    pair: bool = False
+    read: Callable[[Any], Any]  #: function that converts a value of a file to a number
+    units: tuple[str, ...]  #: possible SI units; empty for a plain number
+    other: str = ''  #: description of other allowed values
+    pair: bool = False  #: True if a list of two is allowed
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

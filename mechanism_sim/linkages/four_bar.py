@@ -175,18 +175,11 @@ class SliderCrank:
 
 @dataclass(frozen=True)
 class FourBarLoop:
-    """A four-bar within a mechanism, whose links may lie in their frames as they like.
+    """A four-bar within a mechanism, whose links may lie in their frames as they like."""
 
-    Attributes
-    ----------
-    linkage : lengths and branch
-    links : names of crank, coupler and rocker
-    turned : angles in the linkage less those of their frames [rad]
-    """
-
-    linkage: FourBar
-    links: tuple[str, str, str]
-    turned: tuple[float, float, float]
+    linkage: FourBar  #: lengths and branch
+    links: tuple[str, str, str]  #: names of crank, coupler and rocker
+    turned: tuple[float, float, float]  #: angles in the linkage less those of their frames [rad]
 
     def on(self, branch: Branch) -> FourBarLoop:
         """Loop on another branch."""

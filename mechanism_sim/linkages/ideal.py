@@ -28,18 +28,12 @@ _EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Passage:
-    """Instants near a singular position, and the branch of the motion there.
-
-    Attributes
-    ----------
-    index : (K,) indices of the instants
-    branch : (K,) branches through their positions, where known
-    pace, bend : (K,) rate and acceleration of the branch's parameter
-    """
+    """Instants near a singular position, and the branch of the motion there."""
 
     kinematics: Kinematics
-    index: IndexArray
-    branch: Branch
+    index: IndexArray  #: (K,) indices of the instants
+    branch: Branch  #: (K,) branches through their positions, where known
+    #: (K,) rate and acceleration of the branch's parameter
     pace: Array
     bend: Array
 

@@ -12,8 +12,7 @@ from mechanism_sim.linkages.ideal import IdealMotion, LinkageMotion
 from mechanism_sim.linkages.piece_ends import END
 from mechanism_sim.planar.mechanism import HigherPair
 
-_GRID = 2.0**38
-"""Number of grid positions in 1 rad, or in the size of the mechanism."""
+_GRID = 2.0**38  # number of grid positions in 1 rad, or in the size of the mechanism
 _MOST = 4096
 _ALIKE = 1e-9  # closures, of the size of the mechanism, and their slopes: the same
 

@@ -55,8 +55,7 @@ _MECHANISM = TOLERANCES.mechanism
 
 _EPS = float(np.finfo(float).eps)
 _PIECES_PER_TURN = 16
-_TAIL = 1e-13
-"""Relative size of the last terms of a piece beyond which it is halved."""
+_TAIL = 1e-13  # relative size of the last terms of a piece beyond which it is halved
 _ROUNDED = 8.0
 """times what rounding leaves open in coordinates: smaller last terms are no more than that."""
 _SHORTEST = 2.0**-20

@@ -31,8 +31,7 @@ from mechanism_sim.numerics.machine_code import foreign
 # a root that its search gives up on is looked for again by the event loop
 hy.set_logger_level_error()
 
-_LARGEST = 200_000
-"""Number of nodes of expressions that are compared in a few milliseconds."""
+_LARGEST = 200_000  # number of nodes of expressions that are compared in a few milliseconds
 
 _LONG = 2_000_000
 """Number of nodes of equations whose optimisation takes 10 s; at 500,000 it takes 4 s and pays."""
@@ -222,8 +221,7 @@ def integrator(
     return found
 
 
-_IDLE = 4
-"""Number of integrators of one kind kept for later runs."""
+_IDLE = 4  # number of integrators of one kind kept for later runs
 
 
 COLUMNS = 1024

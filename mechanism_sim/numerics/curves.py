@@ -17,27 +17,20 @@ from mechanism_sim.numerics.sampled import spline_through
 Interpolation = Literal['linear', 'cubic', 'quintic']
 _Ramp = Literal['linear', 'smooth', 'cubic', 'quintic']
 
-_WIDEST = 0.25 * TWO_PI
-"""Greatest width of an interval of a curve that repeats every turn."""
+_WIDEST = 0.25 * TWO_PI  # greatest width of an interval of a curve that repeats every turn
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A piecewise polynomial, constant before the first and after the last point.
+    """A piecewise polynomial, constant before the first and after the last point."""
 
-    Attributes
-    ----------
-    breaks : (k + 1,) between which the polynomials hold; infinite at both ends, or those of a turn
-    rows : (k, n) coefficients of rising powers of the position from its interval's middle, or
-        from the finite end of an infinite one
-    cyclic : True if it repeats every turn of the position times the scale
-    scale : factor of the positions
-    """
-
+    #: (k + 1,) between which the polynomials hold; infinite at both ends, or those of a turn
     breaks: Array
+    #: (k, n) coefficients of rising powers of the position from its interval's middle, or from the
+    #: finite end of an infinite one
     rows: Array
-    cyclic: bool = False
-    scale: float = 1.0
+    cyclic: bool = False  #: True if it repeats every turn of the position times the scale
+    scale: float = 1.0  #: factor of the positions
 
     def __call__(self, x: Array) -> Array:
         """Values at positions (N,); at a step the value behind it."""

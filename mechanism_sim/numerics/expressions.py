@@ -52,8 +52,7 @@ LARGEST = 1e30
 """Limit of numbers in a text: products of larger ones may overflow."""
 LONGEST = 1000
 """Characters of a text."""
-_STEEPEST = 20
-"""Largest exponent of a power."""
+_STEEPEST = 20  # largest exponent of a power
 DEEPEST = 200
 """Largest depth of nested operations: that of a sum is its number of terms."""
 
@@ -75,27 +74,18 @@ AFTER = (
 
 @dataclass(frozen=True, slots=True)
 class ExpressionNode:
-    """An operation, a function or a leaf of an expression.
+    """An operation, a function or a leaf of an expression."""
 
-    Attributes
-    ----------
-    kind : number, pi, name, call, figure, negative, ``+ - * / **``, compare, not, and, or; if, of
-        a condition and two values
-    args : operands or arguments
-    name : text of a name, function or figure; the signs of a comparison
-    value : number in SI units; index of a figure in the text
-    unit : unit of a number with one
-    window : words after the expression of a figure, with their values
-    text : text as written
-    """
-
+    #: number, pi, name, call, figure, negative, ``+ - * / **``, compare, not, and, or; if, of a
+    #: condition and two values
     kind: str
-    args: tuple[ExpressionNode, ...] = ()
-    name: str = ''
-    value: float = 0.0
-    unit: str | None = None
+    args: tuple[ExpressionNode, ...] = ()  #: operands or arguments
+    name: str = ''  #: text of a name, function or figure; the signs of a comparison
+    value: float = 0.0  #: number in SI units; index of a figure in the text
+    unit: str | None = None  #: unit of a number with one
+    #: words after the expression of a figure, with their values
     window: tuple[tuple[str, str], ...] = ()
-    text: str = field(default='', compare=False)
+    text: str = field(default='', compare=False)  #: text as written
 
     def walk(self) -> Iterator[ExpressionNode]:
         """All nodes, each after its operands."""

@@ -27,8 +27,7 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name i
 PERIODIC = 'sin', 'cos', 'tan'
 """Functions with a period of a turn of their argument."""
 
-_POINT = 1e-9
-"""Length [SI] of a vector of zeros, see `_length`."""
+_POINT = 1e-9  # length [SI] of a vector of zeros, see `_length`
 
 _EMPTY = 10.0 * TOLERANCES.switches.margin
 """Of the size of a state and of the terms of x: up to there ``sqrt(max(x, 0))`` in the rate of a
@@ -75,29 +74,23 @@ def coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, flo
 
 @dataclass(frozen=True)
 class Words:
-    """Meanings of the words of a formula.
+    """Meanings of the words of a formula."""
 
-    Attributes
-    ----------
-    variables : expressions by the names allowed in a formula
-    number : function that returns expressions of its numbers in their order; exponents,
-        which shape the expression, are constants
-    flag : function that returns the expression that is 1 where another one is positive, else 0
-    tables : further functions of one argument
-    angles : further names: the expressions of an angle without whole turns, and with them
-    cyclic : period in turns of the argument, by periodic table
-    size : scale of the state of which it is the rate; 0 for other formulas
-    """
-
-    variables: Mapping[str, hy.expression]
+    variables: Mapping[str, hy.expression]  #: expressions by the names allowed in a formula
+    #: function that returns expressions of its numbers in their order; exponents, which shape the
+    #: expression, are constants
     number: Callable[[float], hy.expression] = hy.expression
+    #: function that returns the expression that is 1 where another one is positive, else 0
     flag: Callable[[hy.expression], hy.expression] = _flag_of
+    #: further functions of one argument
     tables: Mapping[str, Callable[[hy.expression], hy.expression]] = field(default_factory=dict)
+    #: further names: the expressions of an angle without whole turns, and with them
     angles: Mapping[str, tuple[hy.expression, Callable[[], hy.expression]]] = field(
         default_factory=dict
     )
+    #: period in turns of the argument, by periodic table
     cyclic: Mapping[str, float] = field(default_factory=dict)
-    size: float = 0.0
+    size: float = 0.0  #: scale of the state of which it is the rate; 0 for other formulas
 
 
 def read(text: str, tables: Collection[str] = ()) -> ExpressionNode:

@@ -37,8 +37,7 @@ _LARGE = 8.0
 """Magnitude of s above which the downward recurrence is used, below it the power series."""
 _SERIES = 50
 """Terms of the power series beyond those of the input, at most: ``8^50 / 50! < 1e-19``."""
-_SMALL = 1e-19
-"""Relative size of a term of that series below which it ends."""
+_SMALL = 1e-19  # relative size of a term of that series below which it ends
 _OPERATION = 5e-7  # [s] that a term costs as Python
 
 

@@ -26,8 +26,7 @@ Vector: TypeAlias = list[Term]
 Matrix: TypeAlias = list[list[Term]]
 
 
-_MOST = 40_000
-"""Expressions that are kept: a scene has some thousands."""
+_MOST = 40_000  # expressions that are kept: a scene has some thousands
 _SMALL = 20_000
 """Nodes of an expression made elsewhere that is compared with others: as trees, without end."""
 

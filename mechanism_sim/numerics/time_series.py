@@ -32,10 +32,8 @@ DEGREE = 12
 """Degree of the polynomials; linkages without clearance have 15 nodes on a piece."""
 _KNOWN = DEGREE + 3
 _TOLERANCE = math.exp(-2.0 * (_KNOWN - 0.5))  # of heyoka, which makes its order `_KNOWN` + 1
-_TAIL = 2.0**-55
-"""First terms left out over the change in a piece: an acceleration then has 1e-13."""
-_LEAST = 2.0**-62
-"""Negligible magnitude [rad, m, and their rates] of terms left out."""
+_TAIL = 2.0**-55  # first terms left out over the change in a piece: an acceleration then has 1e-13
+_LEAST = 2.0**-62  # negligible magnitude [rad, m, and their rates] of terms left out
 _HALVES = np.array([x * 2.0**-k for k in range(24) for x in (0.5, 0.375)])
 """Half lengths of pieces [s], short numbers; a change within the last one is a step."""
 _SAMPLES = np.linspace(-1.0, 1.0, 33)

@@ -16,8 +16,7 @@ from mechanism_sim.arrays import Array
 
 Shape: TypeAlias = Literal['rectangle', 'circle', 'any']
 
-_NODES = 4
-"""Nodes of Gauss' quadrature: second moments are of the fourth degree in the sizes."""
+_NODES = 4  # nodes of Gauss' quadrature: second moments are of the fourth degree in the sizes
 
 
 def geometry(shape: Shape, sizes: Sequence[Any]) -> tuple[Any, Any, Any]:
@@ -39,17 +38,12 @@ def geometry(shape: Shape, sizes: Sequence[Any]) -> tuple[Any, Any, Any]:
 
 @dataclass(frozen=True)
 class Taper:
-    """Sections along a beam, whose sizes change linearly between points.
+    """Sections along a beam, whose sizes change linearly between points."""
 
-    Attributes
-    ----------
-    length : [m] length of the beam
-    points : [m] with rising places, and the sizes of the section there, see `geometry`; two of
-        the same place are a step, before the first and after the last the sizes stay
-    """
-
-    length: float
+    length: float  #: [m] length of the beam
     shape: Shape
+    #: [m] with rising places, and the sizes of the section there, see `geometry`; two of the same
+    #: place are a step, before the first and after the last the sizes stay
     points: tuple[tuple[float, tuple[float, ...]], ...]
 
     @cached_property

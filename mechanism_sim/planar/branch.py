@@ -39,18 +39,11 @@ for _k in range(1, _DEGREE + 1):
 
 @dataclass(frozen=True)
 class Branch:
-    """Curves of n coordinates through N positions, as Chebyshev polynomials in their parameter.
+    """Curves of n coordinates through N positions, as Chebyshev polynomials in their parameter."""
 
-    Attributes
-    ----------
-    found : (N,) mask of positions with a branch; other entries are meaningless
-    width : (N,) largest deviation of the parameter from that of the position [rad, m, s]
-    coefficients : (N, n, d + 1)
-    """
-
-    found: Mask
-    width: Array
-    coefficients: Array
+    found: Mask  #: (N,) mask of positions with a branch; other entries are meaningless
+    width: Array  #: (N,) largest deviation of the parameter from that of the position [rad, m, s]
+    coefficients: Array  #: (N, n, d + 1)
 
     def at(self, shift: Array) -> tuple[Array, Array, Array]:
         """Coordinates, and their first and second derivatives by the parameter, each (n, N, K).

@@ -18,8 +18,7 @@ from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Wel
 from mechanism_sim.planar.protocols import Load, Relation, Wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
 
-_RANK = 1e-9
-"""Share of the largest pivot below which a row depends on those before."""
+_RANK = 1e-9  # share of the largest pivot below which a row depends on those before
 
 
 @dataclass(frozen=True)

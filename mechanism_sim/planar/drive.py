@@ -210,8 +210,7 @@ def largest_speed(laws: Sequence[Law]) -> float:
     return max(map(abs, speeds))
 
 
-_PATIENCE = 100_000
-"""Largest number of laws of an endless motion up to the next requested angle."""
+_PATIENCE = 100_000  # largest number of laws of an endless motion up to the next requested angle
 
 
 def times_of_angles(laws: Iterable[Law], angles: Iterable[float]) -> Iterator[float]:
@@ -302,17 +301,12 @@ def unrolled(laws: Sequence[Law], source: LawSource | None) -> Iterator[Law]:
 
 @dataclass(frozen=True)
 class FormulaLaws:
-    """A coordinate, or its rate, by a formula of the time.
-
-    Attributes
-    ----------
-    rate : True if the formula gives the rate
-    """
+    """A coordinate, or its rate, by a formula of the time."""
 
     coordinate: str
     series: TimeSeries
     straight: bool
-    rate: bool
+    rate: bool  #: True if the formula gives the rate
 
     @property
     def degree(self) -> int:

@@ -43,8 +43,7 @@ Way: TypeAlias = Literal['pinned', 'clamped', 'fixed']
 """Reference conditions of bending, and that of stretch."""
 _ROUNDING = TOLERANCES.rounding
 _SECTIONS = 41
-_FITTED = 16
-"""Number of coefficients of a polynomial that is a half wave of a beam to rounding."""
+_FITTED = 16  # number of coefficients of a polynomial that is a half wave of a beam to rounding
 
 
 def shapes(
@@ -122,15 +121,10 @@ def gauss(count: int) -> tuple[Array, Array]:
 
 
 class Pieces(NamedTuple):
-    """Polynomials from break to break on 0 to 1.
+    """Polynomials from break to break on 0 to 1."""
 
-    Attributes
-    ----------
-    breaks : (k + 1,)
-    coefficients : (k, degree + 1, count) of Legendre's polynomials from each break to the next
-    """
-
-    breaks: Array
+    breaks: Array  #: (k + 1,)
+    #: (k, degree + 1, count) of Legendre's polynomials from each break to the next
     coefficients: Array
 
     @property
@@ -227,16 +221,11 @@ class Damping:
 
 
 class AxisPieces(NamedTuple):
-    """All shapes as polynomials of the position along the axis, from break to break.
+    """All shapes as polynomials of the position along the axis, from break to break."""
 
-    Attributes
-    ----------
-    breaks : (k + 3,) [m] with the ends of the beam, and infinity beyond both
-    rows : (k + 2, n * (degree + 1)) coefficients of rising powers [1/m^j], coordinate by
-        coordinate, of the position from the middle of each piece; beyond the beam from its end
-    """
-
-    breaks: Array
+    breaks: Array  #: (k + 3,) [m] with the ends of the beam, and infinity beyond both
+    #: (k + 2, n * (degree + 1)) coefficients of rising powers [1/m^j], coordinate by coordinate,
+    #: of the position from the middle of each piece; beyond the beam from its end
     rows: Array
 
 

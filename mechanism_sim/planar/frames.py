@@ -284,20 +284,12 @@ def _turned(c: Term, s: Term, x: Term, y: Term) -> tuple[Term, Term]:
 
 @dataclass(frozen=True)
 class Jet:
-    """A function f of the coordinates q along a motion with rates v.
+    """A function f of the coordinates q along a motion with rates v."""
 
-    Attributes
-    ----------
-    value : f
-    gradient : derivatives by coordinate name; missing ones vanish
-    rate : time derivative, ``gradient . v``
-    curvature : second time derivative less ``gradient . a``
-    """
-
-    value: Term
-    gradient: dict[str, Term]
-    rate: Term
-    curvature: Term
+    value: Term  #: f
+    gradient: dict[str, Term]  #: derivatives by coordinate name; missing ones vanish
+    rate: Term  #: time derivative, ``gradient . v``
+    curvature: Term  #: second time derivative less ``gradient . a``
 
     def _names(self, other: Jet) -> list[str]:
         return list(dict.fromkeys((*self.gradient, *other.gradient)))

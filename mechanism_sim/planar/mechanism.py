@@ -240,22 +240,15 @@ class HigherPair(Connection, ABC):
 
 
 class Coupling(NamedTuple):
-    """Constant weighted sum of the coordinates of two links.
+    """Constant weighted sum of the coordinates of two links."""
 
-    Attributes
-    ----------
-    joint : name of the pair
-    carrier : link from which angles are counted
-    factors : factors of the angles [rad] of first and second, or of a rack's displacement [m]
-    racks : guides of the racks among them
-    exact : True if the sum is constant, not only on the mean
-    """
-
-    joint: HigherPair
-    carrier: str
+    joint: HigherPair  #: name of the pair
+    carrier: str  #: link from which angles are counted
+    #: factors of the angles [rad] of first and second, or of a rack's displacement [m]
     factors: tuple[float, float]
+    #: guides of the racks among them
     racks: tuple[Prismatic | None, Prismatic | None] = (None, None)
-    exact: bool = True
+    exact: bool = True  #: True if the sum is constant, not only on the mean
 
 
 class Bar(NamedTuple):

@@ -59,29 +59,21 @@ class Lump(NamedTuple):
 
 @dataclass(frozen=True)
 class Rotor(LinkExtension):
-    """Compliance of a rotor's shaft and supports; p pairs of coordinates.
+    """Compliance of a rotor's shaft and supports; p pairs of coordinates."""
 
-    Attributes
-    ----------
-    pairs : names of the pairs; that of the centre of the link's own disk is empty
-    stiffness, damping : (2, p, p) along x and along y
-    internal : (p, p) damping in the shaft
-    diametral, polar : (p,) moments of inertia tilted by slopes [kg m^2]; 0 for other pairs
-    lumps : masses beside the link's own disk
-    place : position of the undeformed axis in the world [m]
-    relaxation : internal damping of the shaft over its stiffness [s]
-    """
-
+    #: names of the pairs; that of the centre of the link's own disk is empty
     pairs: tuple[str, ...]
+    #: (2, p, p) along x and along y
     stiffness: tuple[Rows, Rows]
     damping: tuple[Rows, Rows]
-    internal: Rows
+    internal: Rows  #: (p, p) damping in the shaft
+    #: (p,) moments of inertia tilted by slopes [kg m^2]; 0 for other pairs
     diametral: tuple[float, ...]
     polar: tuple[float, ...]
-    lumps: tuple[Lump, ...]
+    lumps: tuple[Lump, ...]  #: masses beside the link's own disk
     supports: tuple[tuple[str, Support], ...]
-    place: tuple[float, float] = (0.0, 0.0)
-    relaxation: float = 0.0
+    place: tuple[float, float] = (0.0, 0.0)  #: position of the undeformed axis in the world [m]
+    relaxation: float = 0.0  #: internal damping of the shaft over its stiffness [s]
 
     flexible: ClassVar[bool] = False
 

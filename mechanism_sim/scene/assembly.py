@@ -26,8 +26,7 @@ _BRANCHES = TOLERANCES.branches
 
 _TRIES = 256
 _RANK = 1e-9
-_OPENING = 1e-9
-"""Share of the largest rate times the size by which rounding may open a loop."""
+_OPENING = 1e-9  # share of the largest rate times the size by which rounding may open a loop
 
 
 class Assembly(NamedTuple):

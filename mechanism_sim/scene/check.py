@@ -34,12 +34,10 @@ from mechanism_sim.scene.validation import TURN, between_limits, limits_text, va
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue, counted, for_people
 
-_AHEAD = 10.0
-"""[s] that are looked at of a motion without end."""
+_AHEAD = 10.0  # [s] that are looked at of a motion without end
 _CURVE = 8
 """Points between which a speed goes on, of a curve rather than of ramps one after the other."""
-_IN_PIECE = 33
-"""Positions in a piece at which accelerations are compared."""
+_IN_PIECE = 33  # positions in a piece at which accelerations are compared
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not '
     'requested, have no limit, or masses are not given: loop closure',

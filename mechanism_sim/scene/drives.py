@@ -96,19 +96,12 @@ def is_straight(drive: DrivePart) -> bool:
 
 
 class DrivenStart(NamedTuple):
-    """The laws of a driven coordinate, and where it begins.
-
-    Attributes
-    ----------
-    source : continues the laws behind the last one
-    begin : value and rate
-    turns : whole turns added to the value
-    """
+    """The laws of a driven coordinate, and where it begins."""
 
     laws: tuple[Law, ...]
-    source: LawSource | None
-    begin: tuple[float, float]
-    turns: int
+    source: LawSource | None  #: continues the laws behind the last one
+    begin: tuple[float, float]  #: value and rate
+    turns: int  #: whole turns added to the value
 
 
 def read_laws(

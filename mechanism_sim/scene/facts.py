@@ -19,22 +19,13 @@ _BOUNDS = {'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<='}
 
 
 class Facts(NamedTuple):
-    """Facts about one key.
+    """Facts about one key."""
 
-    Attributes
-    ----------
-    part : the kind of part it holds, if it holds parts
-    many : ``list`` or ``dict`` by name, if there are several
-    quantities : quantities of its numbers, in order
-    bounds : bounds in words
-    choices : allowed values, if few
-    """
-
-    part: type[Part] | None
-    many: Literal['', 'list', 'dict']
-    quantities: tuple[UnitValue, ...]
-    bounds: tuple[str, ...]
-    choices: tuple[str, ...]
+    part: type[Part] | None  #: the kind of part it holds, if it holds parts
+    many: Literal['', 'list', 'dict']  #: ``list`` or ``dict`` by name, if there are several
+    quantities: tuple[UnitValue, ...]  #: quantities of its numbers, in order
+    bounds: tuple[str, ...]  #: bounds in words
+    choices: tuple[str, ...]  #: allowed values, if few
 
     def render(self) -> str:
         """Unit, bounds and choices, as in ``m, > 0``; empty without any."""

@@ -26,8 +26,7 @@ from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.singular_start import neighbours
 from mechanism_sim.tolerances import TOLERANCES
 
-_TURNS = 16
-"""Turns from the start that are tried of a machine that need not come back after one."""
+_TURNS = 16  # turns from the start that are tried of a machine that need not come back after one
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,7 @@ from mechanism_sim.scene.start_points import moved_by, solved, split
 from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 from mechanism_sim.units import QuantityValue
 
-_AHEAD = 4096
-"""Number of pieces of an endless motion that are checked beforehand."""
+_AHEAD = 4096  # number of pieces of an endless motion that are checked beforehand
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 

@@ -34,8 +34,7 @@ _TYPES = {
 _NAMES = 'name', 'id', 'coordinate'
 """Keys by which entries of lists have their names elsewhere, or are said to be of a link."""
 
-_FEW = 3
-"""Paths that a sentence suggests."""
+_FEW = 3  # paths that a sentence suggests
 
 _BOUNDS = {
     'greater_than': ('gt', 'more than'),

@@ -35,8 +35,7 @@ from mechanism_sim.units import to_si, written
 
 _GYRATION = 30.0
 """Radius of gyration over the size of a link, and of size over radius: a bar has 0.29."""
-_ODD = 300.0
-"""Ratio of masses and sizes to their medians, or its inverse, that is implausible."""
+_ODD = 300.0  # ratio of masses and sizes to their medians, or its inverse, that is implausible
 _OTHER_UNIT = 100.0
 """Ratio of a length to the median of lengths in other units, or its inverse.
 
@@ -45,12 +44,10 @@ A wrong unit is a factor of 1000, on lengths that may be several times shorter t
 _LEAST_PLAY, _MOST_PLAY = 1e-7, 0.1
 """Least radial clearance [m], and largest one over the size of the machine."""
 _PLAYS = 'lift_off', 'groove', 'backlash'
-_GRAVITY = 1.0, 30.0
-"""Range of gravity [m/s^2], between that of the moon and that of Jupiter."""
+_GRAVITY = 1.0, 30.0  # range of gravity [m/s^2], between that of the moon and that of Jupiter
 _THICKEST = 10.0
 """Largest viscosity of oil [Pa s], as honey; ISO VG 3200, the thickest, has 2.9 at 40 deg C."""
-_FASTEST = 3e4
-"""Largest speed [rad/s], of turbochargers."""
+_FASTEST = 3e4  # largest speed [rad/s], of turbochargers
 _ANGLES = 'start_angle', 'axis', 'phase'
 """Keys of angles, beside the coordinates in `guess` and `initial.position`."""
 _ROUND = 0.9

@@ -27,28 +27,21 @@ MOST = 12
 """Largest number of turns of the drive for which repetition is checked."""
 WHOLE = 1e-6
 """Tolerance for whole turns, or tables: angles in degrees have six digits."""
-_CENTRED = 1e-9
-"""Share of the machine's size within which a point is at the centre of a wheel."""
+_CENTRED = 1e-9  # share of the machine's size within which a point is at the centre of a wheel
 PROSE = 'title', 'description', 'tables'
 _GEOMETRY = 'links', 'joints', 'gears'
 
 
 @dataclass(frozen=True)
 class Repetition:
-    """Period of a machine in turns of the main drive.
+    """Period of a machine in turns of the main drive."""
 
-    Attributes
-    ----------
-    turns : a whole number; 1 too if there is none up to `MOST`, or nothing is known of it
-    last : quantity with the longest period, or without any; empty for a period of one turn
-    found : True if the whole machine is periodic
-    duration : [s] instead, of a drive whose speed repeats itself over time
-    """
-
+    #: a whole number; 1 too if there is none up to `MOST`, or nothing is known of it
     turns: int = 1
+    #: quantity with the longest period, or without any; empty for a period of one turn
     last: str = ''
-    found: bool = True
-    duration: float | None = None
+    found: bool = True  #: True if the whole machine is periodic
+    duration: float | None = None  #: [s] instead, of a drive whose speed repeats itself over time
 
     def note(self, main: str) -> str:
         """Return what is computed by default, if it is not plainly one turn."""

@@ -54,17 +54,12 @@ _SETTLED = 1e-11  # as a share of the machine's size
 
 @dataclass(frozen=True)
 class Start:
-    """The parts of a machine from which its start follows.
-
-    Attributes
-    ----------
-    period : period of the drive [s]
-    """
+    """The parts of a machine from which its start follows."""
 
     plan: ScenePlan
     nominal: Nominal
     equations: EquationsOfMotion
-    period: float
+    period: float  #: period of the drive [s]
 
     @property
     def turn(self) -> float:

@@ -36,20 +36,13 @@ _MOVES = 1e-9
 
 @dataclass(frozen=True)
 class StartTarget:
-    """Further conditions on a start: two equations of a point, one of a block.
+    """Further conditions on a start: two equations of a point, one of a block."""
 
-    Attributes
-    ----------
-    key : path of the key, as ``guess.coupler.E``
-    points : point with given position, or two with a given displacement
-    joint : the guide along which that counts; None for the place of the only point
-    value : (2,) [m, m/s], or (1,)
-    """
-
-    key: str
-    points: tuple[LinkPoint, ...]
+    key: str  #: path of the key, as ``guess.coupler.E``
+    points: tuple[LinkPoint, ...]  #: point with given position, or two with a given displacement
+    #: the guide along which that counts; None for the place of the only point
     joint: Prismatic | None
-    value: tuple[float, ...]
+    value: tuple[float, ...]  #: (2,) [m, m/s], or (1,)
 
     def of(self, tree: Mechanism, q: Array) -> tuple[Array, Array]:
         """Values (k,) at coordinates (n,), and their derivatives (k, n)."""

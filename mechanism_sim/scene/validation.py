@@ -31,25 +31,20 @@ from mechanism_sim.scene.motion_notes import between
 from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.start import check_apart
 
-_ROUNDING = 1e-9
-"""Share of the machine's size within which nothing overlaps."""
-_PLAYS = 10.0
-"""Plays of loose joints, all together, by which they may give way."""
+_ROUNDING = 1e-9  # share of the machine's size within which nothing overlaps
+_PLAYS = 10.0  # plays of loose joints, all together, by which they may give way
 _INSTANTS = 2001
-_TURNS = 16
-"""Turns of a steady drive that are tried."""
+_TURNS = 16  # turns of a steady drive that are tried
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN
 """[rad/s] of the drive where it is tried out; in sizes of the machine if it slides."""
 
-_MOST = 16
-"""Turns of the drive for which several drives are tried together."""
+_MOST = 16  # turns of the drive for which several drives are tried together
 
 _STEP = 0.05
 """[rad], or sizes of the machine, after which it is tried whether loops can still be closed."""
 
-_STEPS = 400
-"""So often at most."""
+_STEPS = 400  # so often at most
 
 Way = tuple[float, float]
 """Least and greatest value of a coordinate [rad, m]."""

@@ -54,17 +54,12 @@ class Hypothesis(Enum):
 
 
 class ContactImpulse(NamedTuple):
-    """The impulses of one contact at one instant.
+    """The impulses of one contact at one instant."""
 
-    Attributes
-    ----------
-    normal, tangential : [N s]
-    slip : sign of the tangential rate afterwards, 0 if the contact sticks
-    """
-
+    #: [N s]
     normal: float
     tangential: float
-    slip: int
+    slip: int  #: sign of the tangential rate afterwards, 0 if the contact sticks
 
 
 class _Leg(NamedTuple):

@@ -21,8 +21,7 @@ from mechanism_sim.planar.protocols import Wrench
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import SLOT, Draft, circle, complex_of, points_of
 
-_ARC = 64
-"""Points of a drawn arc."""
+_ARC = 64  # points of a drawn arc
 
 
 @dataclass(frozen=True)

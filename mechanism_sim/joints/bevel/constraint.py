@@ -41,18 +41,13 @@ def pitch_angles(ratio: float, shaft_angle: float = math.pi / 2) -> tuple[float,
 
 @dataclass(frozen=True)
 class SpatialPair(Transmission):
-    """Gears on shafts at an angle.
-
-    Attributes
-    ----------
-    facing : direction from each shaft towards the mate, in its own plane [rad]
-    along : positions of both along their shafts [m]
-    """
+    """Gears on shafts at an angle."""
 
     untold: ClassVar[tuple[str, ...]] = ('transmission_error', 'mesh_frequency')
 
+    #: direction from each shaft towards the mate, in its own plane [rad]
     facing: tuple[float, float] = (0.0, math.pi)
-    along: tuple[float, float] = (0.0, 0.0)
+    along: tuple[float, float] = (0.0, 0.0)  #: positions of both along their shafts [m]
 
     @property
     @abstractmethod
@@ -125,20 +120,13 @@ class SpatialPair(Transmission):
 
 @dataclass(frozen=True)
 class BevelPair(SpatialPair):
-    """Straight bevel gears, [V] eqs. 5.38 to 5.42.
+    """Straight bevel gears, [V] eqs. 5.38 to 5.42."""
 
-    Attributes
-    ----------
-    mean_radii : radii at the middle of the teeth [m]
-    cones : pitch angles [rad]
-    pressure_angle : [rad]
-    teeth : number of teeth of the first
-    """
-
+    #: radii at the middle of the teeth [m]
     mean_radii: tuple[float, float] = (math.nan, math.nan)
-    cones: tuple[float, float] = (math.nan, math.nan)
-    pressure_angle: float = math.nan
-    teeth: int = 1
+    cones: tuple[float, float] = (math.nan, math.nan)  #: pitch angles [rad]
+    pressure_angle: float = math.nan  #: [rad]
+    teeth: int = 1  #: number of teeth of the first
 
     @property
     def radii(self) -> tuple[float, float]:

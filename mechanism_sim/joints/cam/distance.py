@@ -48,20 +48,15 @@ ONE = Jet(hy.expression(1.0), {}, None, None)
 
 @dataclass(frozen=True)
 class Distance:
-    """The distance of a follower from its cam.
+    """The distance of a follower from its cam."""
 
-    Attributes
-    ----------
-    name : name of the joint
-    beside : offset of the follower's point from its line through the camshaft, along y [m], for
-        tilted faces
-    exact : True if D is of second order; only for rollers and laws without jumps of acceleration,
-        which would make D jump where the roller is off the middle
-    """
-
-    name: str
+    name: str  #: name of the joint
     cam: Cam
+    #: offset of the follower's point from its line through the camshaft, along y [m], for tilted
+    #: faces
     beside: float = 0.0
+    #: True if D is of second order; only for rollers and laws without jumps of acceleration, which
+    #: would make D jump where the roller is off the middle
     exact: bool = False
 
     @property

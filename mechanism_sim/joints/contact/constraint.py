@@ -26,8 +26,7 @@ from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
 from mechanism_sim.planar.protocols import Wrench, contact_wrench
 from mechanism_sim.planar.view import Draft, Side, circle
 
-_ACROSS = 48
-"""Points of a drawn disc."""
+_ACROSS = 48  # points of a drawn disc
 
 
 @dataclass(frozen=True)

@@ -93,26 +93,15 @@ class SurfaceTouch(NamedTuple):
 
 @dataclass(frozen=True)
 class WornSurface:
-    """The measure of the gap between a worn surface and a round one.
+    """The measure of the gap between a worn surface and a round one."""
 
-    Attributes
-    ----------
-    clearance : c [m]
-    centre : origin of z, in the link's frame from the joint's point [m]
-    soft : s [m]
-    a : (n + 1,) coefficients of A [m]
-    b : (n + 1,) coefficients of B
-    error : largest distance of its zero from the locus [m]
-    tilt : largest deviation of its gradient from the unit normal [rad]
-    """
-
-    clearance: float
-    centre: complex
-    soft: float
-    a: tuple[complex, ...]
-    b: tuple[complex, ...]
-    error: float = 0.0
-    tilt: float = 0.0
+    clearance: float  #: c [m]
+    centre: complex  #: origin of z, in the link's frame from the joint's point [m]
+    soft: float  #: s [m]
+    a: tuple[complex, ...]  #: (n + 1,) coefficients of A [m]
+    b: tuple[complex, ...]  #: (n + 1,) coefficients of B
+    error: float = 0.0  #: largest distance of its zero from the locus [m]
+    tilt: float = 0.0  #: largest deviation of its gradient from the unit normal [rad]
 
     @classmethod
     def through(
@@ -256,20 +245,14 @@ class WornShape:
 
     `ways` are unit vectors (numbers or (N,)) along the axes of the links whose surfaces are worn,
     as complex numbers, the pin's first.
-
-    Attributes
-    ----------
-    mean : clearance with the mean depths of both [m]
-    pin, bushing : worn surfaces, each beside the other with its mean depth
-    widest : twice the largest value of the gap [m]; for a circle its clearance
-    off : largest error of the gap in contact [m]
     """
 
-    mean: float
+    mean: float  #: clearance with the mean depths of both [m]
+    #: worn surfaces, each beside the other with its mean depth
     pin: WornSurface | None
     bushing: WornSurface | None
-    widest: float = 0.0
-    off: float = 0.0
+    widest: float = 0.0  #: twice the largest value of the gap [m]; for a circle its clearance
+    off: float = 0.0  #: largest error of the gap in contact [m]
 
     @property
     def surfaces(self) -> list[WornSurface]:
@@ -325,22 +308,13 @@ class WornShape:
 
 @dataclass(frozen=True, eq=False)
 class FilmProfile:
-    """Depths ``Re sum of c_k exp(i k phi)`` of worn walls with oil between them [m].
+    """Depths ``Re sum of c_k exp(i k phi)`` of worn walls with oil between them [m]."""
 
-    Attributes
-    ----------
-    place : link of reference, 0 the pin's or 1 the bushing's: that of the less round wall
-    own : (n + 1,) c_k of the reference wall, with the mean depth of both
-    other : (m,) significant c_1, c_2, ... of the other wall
-    count : number of even angles at which the film is evaluated
-    blur : angle over which the rupture is smoothed [rad]
-    """
-
-    place: int
-    own: ComplexArray
-    other: ComplexArray
-    count: int
-    blur: float
+    place: int  #: link of reference, 0 the pin's or 1 the bushing's: that of the less round wall
+    own: ComplexArray  #: (n + 1,) c_k of the reference wall, with the mean depth of both
+    other: ComplexArray  #: (m,) significant c_1, c_2, ... of the other wall
+    count: int  #: number of even angles at which the film is evaluated
+    blur: float  #: angle over which the rupture is smoothed [rad]
 
     @classmethod
     def of(

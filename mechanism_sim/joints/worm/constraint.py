@@ -84,16 +84,10 @@ _UNIT = WormPair(1, 1, 1.0, math.pi / 4)  # fields after others with defaults ne
 
 @dataclass(frozen=True)
 class WormDrive(SpatialPair):
-    """A worm, the first, and its wheel on shafts at 90 degrees, [V] 5.8.4.
+    """A worm, the first, and its wheel on shafts at 90 degrees, [V] 5.8.4."""
 
-    Attributes
-    ----------
-    worm : sizes of the pair
-    hand : 1 right, -1 left
-    """
-
-    worm: WormPair = _UNIT
-    hand: int = 1
+    worm: WormPair = _UNIT  #: sizes of the pair
+    hand: int = 1  #: 1 right, -1 left
 
     @property
     def radii(self) -> tuple[float, float]:

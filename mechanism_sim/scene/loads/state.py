@@ -34,8 +34,7 @@ _UNITS = (
     's',
     '',
 )
-_LARGE = {'Pa': 1e5}
-"""Sizes that matter, of quantities whose unit is far from what machines have."""
+_LARGE = {'Pa': 1e5}  # sizes that matter, of quantities whose unit is far from what machines have
 
 
 def _any(value: Any) -> QuantityValue:
