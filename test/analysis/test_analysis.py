@@ -620,6 +620,7 @@ def test_the_impacts_of_a_remapped_topic_belong_to_the_run(tmp_path, summary):
     assert not any('impacts' in said for said in found.absent)
 
 
+@pytest.mark.slow
 def test_machines_of_a_bag_have_their_own_scenes_and_sensors(tmp_path):
     """One slides by a piston, in no namespace; the other turns, in one below."""
     scenes = {'': 'slider_crank_piston_driven', '/left': 'four_bar_nominal'}
@@ -704,6 +705,7 @@ def test_a_long_table_leaves_its_middle_out(tmp_path):
     assert sum(line.split()[1:] == ['1', '1'] for line in lines) == 12
 
 
+@pytest.mark.slow
 def test_angles_are_of_the_named_drive(tmp_path):
     """The motor of this machine turns twice as fast as its crank; the angle is the motor's."""
     machine = ms.load_scene('whole_machine')

@@ -261,6 +261,7 @@ def test_python_plots_channels_as_the_command_does(rig):
         ms.plot(rig, 'ac')
 
 
+@pytest.mark.slow
 def test_other_commands_say_which_read_signals(rig):
     for name in ('report', 'check', 'solve', 'sweep'):
         done = run(name, str(rig))

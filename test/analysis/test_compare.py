@@ -91,6 +91,7 @@ def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compa
     assert found['impacts', 'count']['change'] > 20
 
 
+@pytest.mark.slow
 def test_octaves_weigh_all_of_a_run_alike():
     """As lines of whole turns do; a window as long as the run had 22 % too much at 2 kHz.
 

@@ -93,6 +93,7 @@ def test_a_bag_tells_what_the_run_would_have_told(rough, bag):
     assert len(found.piece.impacts) == len(rough.piece.impacts) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_signal_that_was_not_recorded_follows_from_the_motion(tmp_path):
     path = tmp_path / 'run.mcap'
@@ -360,6 +361,7 @@ def test_messages_of_a_motion_far_off_differ_by_what_their_starts_round_away(tmp
     assert sum(len(piece.motion) for piece in pieces(read_bag(far))) == 40
 
 
+@pytest.mark.slow
 def test_the_command_line_says_the_same_in_text_json_and_pictures(bag, tmp_path, capsys):
     def said(*more):
         with pytest.raises(SystemExit) as stopped:

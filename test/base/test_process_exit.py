@@ -125,6 +125,7 @@ def handles(pid: int, number: int) -> bool:
         return bool(int(status.read().split('SigCgt:')[1].split()[0], 16) >> (number - 1) & 1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(('number', 'after'), [(signal.SIGTERM, 0.0), (signal.SIGINT, 0.5)])
 def test_a_command_that_still_imports_ends_so_too(number, after):
     """At its first line, and while it imports what runs machines, or soon after."""

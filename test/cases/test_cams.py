@@ -151,6 +151,7 @@ def test_the_smallest_base_circle_of_an_eccentric_cam(e, roller):
         cam.smallest_base_radius(math.radians(89.99))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('limit', [25.0, 35.0])
 def test_the_smallest_base_circle_of_a_tangent_cam(limit):
     """The limit is met at the end of the flank, whose length is that of a tangent."""
@@ -389,6 +390,7 @@ def told(sentence):
     return [float(x) for pair in pairs for x in pair]
 
 
+@pytest.mark.slow
 def test_points_that_do_not_determine_accelerations_are_warned_of():
     """A degree apart, and rounded to 1 nm: 403.5 and -418.8 where 354.49 and -314.67 are right."""
     report_ = check(made(table()))
@@ -425,6 +427,7 @@ def test_points_of_a_smooth_law_determine_its_accelerations(degree, step):
     assert abs(high - right) <= over < 0.1 * right
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', one_of(3, range(3)))
 def test_an_error_of_measurement_is_smoothed_away(seed):
     """5 um of noise: a profile through the points would be undercut."""

@@ -667,6 +667,7 @@ def test_mistakes(part: dict[str, Any], said: str) -> None:
     assert '\n' not in str(caught.value)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     'more', [{}, {'i': '5 N m/rad/s', 'd': '0.4 N m s/rad', 'limit': '2 N m'}]
 )

@@ -216,6 +216,7 @@ def test_thousands_of_turns_end_where_the_first_does(turns):
     assert place == pytest.approx(0.25, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_machine_of_python_runs_as_nodes_and_comes_back_from_its_bag(tmp_path):
     file, bag = tmp_path / 'own.yaml', tmp_path / 'own.mcap'

@@ -224,6 +224,7 @@ def test_two_ranges_of_find_are_both_varied():
     assert found['values'] == pytest.approx({'drive.speed': 10.0, 'links.crank.length': 0.01})
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_bag_is_never_overwritten_without_being_told(tmp_path):
     bag = tmp_path / 'run.mcap'

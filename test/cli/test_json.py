@@ -178,6 +178,7 @@ def test_refusals_are_strict_json(capsys, files, name):
     assert said.err == f'mechanism-sim: {found["error"]}\n'
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ('program', 'good'),
     [

@@ -136,6 +136,7 @@ def test_an_output_that_is_full_is_said(words, code, said):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_what_is_said_beside_a_result_ends_nothing_where_it_cannot_be_written(tmp_path):
     """Notes of an import ended it where standard error was full, and errors had another code."""
     file, table = tmp_path / 'x.yaml', tmp_path / 'x.csv'
@@ -152,6 +153,7 @@ def test_what_is_said_beside_a_result_ends_nothing_where_it_cannot_be_written(tm
     assert file.read_text(encoding='utf-8').startswith('title:')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('closed', ['>&-', '<&- >&- 2>&-'])
 def test_an_output_that_is_closed_is_nobodys(tmp_path, closed):
     """As with ``> /dev/null``: files that are opened do not take its place."""

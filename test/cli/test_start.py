@@ -60,6 +60,7 @@ def test_nothing_heavy_is_imported_before_it_is_needed() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, '\n', '')
 
 
+@pytest.mark.slow
 def test_a_run_imports_no_sympy_which_translates_all_the_same() -> None:
     done = subprocess.run([sys.executable, '-c', RUN], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, '0\n', '')

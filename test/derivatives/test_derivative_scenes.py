@@ -76,6 +76,7 @@ def test_derivatives_are_those_of_runs(name: str) -> None:
             assert error[kind].max() <= 1e-5 * size or size < 1e-12
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('scene', 'overrides', 'path', 'digits'),
     [

@@ -116,6 +116,7 @@ def test_states_of_first_order_are_of_what_repeats_whatever_their_scale(scale: f
     assert exponents[2] == pytest.approx(-1.0 / LAG, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_branch_is_followed_with_states_of_first_order() -> None:
     found = ms.bifurcation(filtered(1e3), {'drive.speed': (10.0, 13.0, 2)}, transient=12, keep=8)
     (branch,) = ms.branches(found)

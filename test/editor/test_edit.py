@@ -683,6 +683,7 @@ def test_motors_and_what_gives_way_or_stops_are_drawn_on_a_machine(what, at, pat
         assert page.text == again
 
 
+@pytest.mark.slow
 def test_a_cam_on_a_block_slides_and_lifts_on_both_sides_of_where_it_is_drawn():
     page = Page()
     page.draw('ground', (0.0, 0.0, ''))
@@ -922,6 +923,7 @@ def test_a_length_is_rounded_to_what_can_be_seen():
     assert rounded(1500.0, 10.0, 'm') == '1500 m'
 
 
+@pytest.mark.slow
 def test_runs_are_those_of_solve_and_the_newest_wins():
     found: queue.Queue[tuple[int, str, str]] = queue.Queue()
     runs = Background(lambda *x: found.put(x))
@@ -1075,6 +1077,7 @@ def test_a_file_that_is_dropped_on_the_page_is_opened():
         assert page.text == DRAWN_FOUR_BAR
 
 
+@pytest.mark.slow
 def test_a_page_that_is_made_names_its_scene_as_one_types_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     document, said = Document.open('slider_crank'), queue.SimpleQueue()
@@ -1087,6 +1090,7 @@ def test_a_page_that_is_made_names_its_scene_as_one_types_it(tmp_path, monkeypat
     assert "<code>mechanism-sim report 'my crank.yaml'</code>" in page
 
 
+@pytest.mark.slow
 def test_a_table_that_is_made_finds_the_points_of_its_measures(tmp_path, monkeypatch):
     """They are in the folder where the editor runs, not beside the scene that is handed on."""
     monkeypatch.chdir(tmp_path)

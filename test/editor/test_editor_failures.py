@@ -274,6 +274,7 @@ def editor(folder, *args):
         found.process.communicate()
 
 
+@pytest.mark.slow
 def test_a_slow_picture_holds_nobody_up_and_a_killed_server_loses_nothing(tmp_path):
     """It is said that it is computed; a newer text comes first; its text outlives the server."""
     with editor(tmp_path) as first:
@@ -375,6 +376,7 @@ def test_whoever_serves_waits_for_no_run_to_take_its_document():
         runs.close()
 
 
+@pytest.mark.slow
 def test_who_draws_and_has_grown_gives_way_to_another_and_nothing_is_lost(monkeypatch):
     sizes: dict[int, float] = {}
     monkeypatch.setattr(worker, 'resident', lambda pid: sizes.setdefault(pid, 200.0))
@@ -427,6 +429,7 @@ def test_whatever_a_run_raises_is_a_sentence(error, said, monkeypatch):
     assert background._problem(Job(1, 'machine', {}), None) == said
 
 
+@pytest.mark.slow
 def test_where_no_process_starts_the_editor_says_so_and_goes_on_when_one_does(monkeypatch):
     said, document = [], Document()
     context = type(worker.get_context('spawn').Process(target=print))

@@ -183,6 +183,7 @@ def test_the_command_says_error_and_what_was_exchanged(capsys):
     assert 0.0 <= energy['error'] <= TOLERANCES.audit.promised * energy['exchanged']
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     'name', ['four_bar_clearance', 'four_bar_nominal', 'toggle_press', 'andrews_squeezer']
 )
@@ -293,6 +294,7 @@ def test_a_contact_that_would_have_to_pull_is_named():
     assert np.abs(run.motion.curve.start - at).min() <= 1e-6 * at
 
 
+@pytest.mark.slow
 def test_between_two_events_of_one_instant_nothing_pulls():
     """One strand of a belt lets go as the other takes up: 6e-16 s lie between, with either's rows.
 

@@ -889,6 +889,7 @@ def test_groups_that_raise_the_energy():
     assert gain(A, v, x) == pytest.approx(5.865, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_moreaus_form_may_have_no_solution_where_bodies_are_wedged():
     """Three freedoms, four rows: e asks for rates that the bodies cannot have together."""
     wedged = 0

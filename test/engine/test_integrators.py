@@ -19,6 +19,7 @@ from mechanism_sim.results.run import prepare
 JOINTS = 'ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground'
 
 
+@pytest.mark.slow
 def test_a_run_with_short_steps_is_that_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
     loose = {'radial': '0.1 mm', 'restitution': 0.5, 'friction': 0.1}
     overrides = {f'joints.{j}.clearance': loose for j in JOINTS} | {'start': 'centred'}
@@ -113,6 +114,7 @@ def test_an_event_that_no_series_shows_is_come_near_by_ever_shorter_steps() -> N
     assert abs(found.energy.residual) < 1e-10 * found.energy.exchanged
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_in_a_run_that_was_prepared() -> None:
     loose = {'radial': '0.254 mm', 'restitution': 0.5, 'friction': 0.12, 'pin_radius': '5 mm'}
     overrides = {f'joints.{j}.clearance': loose for j in JOINTS[1:]}

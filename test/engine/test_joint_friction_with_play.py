@@ -249,6 +249,7 @@ def test_tight_walls_are_the_limit_of_loose_ones(name, joint, pin, loose):
     assert off[1] < 0.15 * off[0] < 0.01
 
 
+@pytest.mark.slow
 def test_a_pin_drags_either_wall_of_a_wheel_along():
     scene = variant('geneva', {})
     play = {'radial': 1e-5, 'restitution': 0.0, 'friction': 0.1}
@@ -294,6 +295,7 @@ def test_a_pin_rubs_where_it_touches_its_slot():
     assert friction[pressed] == pytest.approx((0.2 * np.abs(N) * np.sign(slip))[pressed], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_wall_without_friction_beside_contacts_that_rub_is_the_limit_of_one_with_hardly_any():
     """Teeth with backlash, a loose pin and an ideal bearing that rub: three sorts of contact."""
     link = {'length': 0.064, 'mass': 0.6, 'inertia': 0.0026}

@@ -89,6 +89,7 @@ def test_pressures_at_an_end_stop_are_those_of_the_ports():
     assert abs(seen['reaction.pivot.moment'][0]) == pytest.approx(moment, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_bare_root_that_reaches_zero_says_how_it_is_written():
     states = ms.load_scene('hydraulic_arm').scene.to_document()['states']
     bare = {

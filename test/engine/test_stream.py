@@ -60,6 +60,7 @@ def pieces(stream):
 # --- pieces are the whole -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pieces_joined_are_the_solution(whole, stream, pieces):
     assert len(pieces) > 4
     assert as_bytes(Motion.joined([p.motion for p in pieces])) == as_bytes(whole.motion)

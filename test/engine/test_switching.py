@@ -68,6 +68,7 @@ def braked_gears(rub=None, way=1.0, **backlash):
     )
 
 
+@pytest.mark.slow
 def test_a_brake_holds_what_teeth_press_on():
     """Against the momenta: an impact that both go on from together, and a stop for good.
 

@@ -68,6 +68,7 @@ def test_a_whole_film_is_squeezed_out_as_in_closed_form(wall):
     assert 0.8 < eps[-1] < 0.9
 
 
+@pytest.mark.slow
 def test_the_steps_of_a_squeeze_are_foretold():
     run = ms.simulate(journal(), duration=0.8)
     ends = run.motion.curve.start + run.motion.curve.duration
@@ -86,6 +87,7 @@ def test_the_steps_of_a_squeeze_are_foretold():
     assert steps_of_squeeze(h[1], growth, step, 100.0, h[1]) == 0.0
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ('drive', 'oil'),
     [
@@ -107,6 +109,7 @@ def test_a_film_that_is_squeezed_out_for_hours_ends_the_run(drive, oil):
     assert run.engine.steps < 20_000
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('eager')
 def test_with_the_roughness_that_is_advised_the_run_comes_to_its_end():
     """Walls touch within the steps that are taken anyway, and carry the journal."""
@@ -117,6 +120,7 @@ def test_with_the_roughness_that_is_advised_the_run_comes_to_its_end():
     assert run.stats.steps < 50_000
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('eager')
 def test_a_run_that_takes_long_says_so_once():
     """It stands still, but its steps can be waited for."""
@@ -130,12 +134,14 @@ def test_a_run_that_takes_long_says_so_once():
         begun(journal({'speed': 1.0}), 4, duration=10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('eager')
 def test_a_film_that_is_stiff_in_the_middle_is_told_so():
     with pytest.warns(RunWarning, match=r'goes with viscosity and \(width/radial\)\^3'):
         begun(journal({'speed': 300.0}, viscosity=1.0), 4, duration=10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('drive', 'links', 'joints'),
     [
@@ -164,6 +170,7 @@ def left_by(warning):
     return float(re.search(r'take some (\S+) of them', str(warning.message)).group(1))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('eager')
 def test_short_steps_that_another_makes_are_not_those_of_the_film():
     """A damper beside a film that hardly does anything."""
@@ -187,6 +194,7 @@ def test_short_steps_that_another_makes_are_not_those_of_the_film():
     assert left_by(warning) == pytest.approx(10.0 / run.duration * run.engine.steps, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('eager')
 def test_a_run_of_many_short_steps_without_a_film_says_so_once():
     """A shaft of two discs that vibrates, over a duration that its steps take long to come to."""

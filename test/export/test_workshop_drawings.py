@@ -141,6 +141,7 @@ def test_the_text_holds_the_coordinates_in_full():
     assert 1e-3 * np.array([x, y]) == pytest.approx(outline.edges[0].points, rel=1e-14, abs=1e-16)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['valve_train', 'offset_roller_cam', 'groove_cam'])
 def test_a_cam_of_a_whole_machine_is_drawn_as_closely_as_alone(name):
     """Points of the drawing lie on the profile of the cam's law to the rounding of its sides."""

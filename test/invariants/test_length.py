@@ -223,6 +223,7 @@ def test_a_run_goes_on_from_a_snapshot_far_from_its_start(tmp_path):
         assert digests[0] == digests[1]
 
 
+@pytest.mark.slow
 def test_a_block_that_rubs_on_two_corners_comes_to_rest_and_stays():
     """Its crank swings ever less, for 78 s; then one corner sticks, the other is at its bound."""
     machine = ms.load_scene('slider_with_play', overrides={

@@ -244,6 +244,7 @@ def test_elliptic_trammel_by_slots_and_by_blocks():
     assert blocks.freedoms() == (1, 1, 1)
 
 
+@pytest.mark.slow
 def test_dyads_add_nothing_to_the_freedoms_of_an_open_chain():
     """Assur's groups, at points of no special position: what is known without counting."""
     random = np.random.default_rng(5)

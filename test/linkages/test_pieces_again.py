@@ -44,6 +44,7 @@ def bits(*motions):
     ]
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize('scene', [*SCENES, *VARIED])
 def test_pieces_do_not_depend_on_how_a_run_is_advanced_or_taken_up(scene):
     machine = ms.load_scene('slider_crank' if scene in VARIED else scene, VARIED.get(scene))
@@ -141,6 +142,7 @@ def test_closures_are_solved_in_the_first_turn_only(loads, monkeypatch):
     check_slider_crank(machine, run.drain()[0].curve)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('scene', ['rack_and_pinion', 'linear_intermittent'])
 def test_a_rack_that_moves_on_comes_by_its_pieces_again(scene, monkeypatch):
     """Its load begins to act on the way of the third turn only."""

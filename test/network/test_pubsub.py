@@ -107,6 +107,7 @@ def test_twenty_thousand_messages_reach_a_slow_subscriber_in_order(joined):
     collector.finish()
 
 
+@pytest.mark.slow
 def test_who_has_not_read_all_is_named_at_the_end(joined, monkeypatch, caplog):
     """The program would stand still without a word."""
     monkeypatch.setattr(session, 'ASK_AGAIN', 0.2)
@@ -145,6 +146,7 @@ def test_a_program_on_plain_zenoh_that_answers_is_waited_for(joined):
     node.destroy_node()
 
 
+@pytest.mark.slow
 def test_a_publisher_that_ends_at_once_loses_nothing(either):
     collector = either.start(COLLECT, 3000, 300e-6)
     source = either.start("""
@@ -169,6 +171,7 @@ def test_a_publisher_that_ends_at_once_loses_nothing(either):
     collector.finish()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('router', 'starts'),
     [
@@ -203,6 +206,7 @@ def test_who_sees_the_last_endpoint_reaches_every_earlier_one(joined, router, st
         node.destroy_node()
 
 
+@pytest.mark.slow
 def test_two_processes_that_flood_each_other_do_not_lock_up(either):
     script = """
         import sys, time
@@ -390,6 +394,7 @@ def test_callbacks_get_bytes_or_information_if_they_ask():
         assert before <= info['source_timestamp'] <= info['received_timestamp']
 
 
+@pytest.mark.slow
 def test_a_service_gets_its_turn_amid_messages_that_never_end(either):
     """By how many messages come between, not by time: on a busy machine all takes longer."""
     process = either.start("""
@@ -574,6 +579,7 @@ def test_what_is_destroyed_is_gone():
         publisher.publish(Impact())
 
 
+@pytest.mark.slow
 def test_a_process_that_does_not_answer_is_dropped_after_the_lease_it_announced(joined):
     joined.settings['ZENOH_CONFIG_OVERRIDE'] = 'transport/link/tx/lease=500'
     stopped = joined.start(COLLECT, 1, 0.0)
@@ -591,6 +597,7 @@ def test_the_lease_is_the_documented_one():
     assert int(router_config().get_json('transport/link/tx/lease')) // 1000 == lease
 
 
+@pytest.mark.slow
 def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):
     stalled: Process = joined.start("""
         import time
@@ -618,6 +625,7 @@ def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):
     assert done.wait(PATIENCE)
 
 
+@pytest.mark.slow
 def test_a_wait_ends_when_its_time_is_over_between_two_looks():
     """In a process of its own: CPython 3.11's `SimpleQueue` would wait for ever."""
     waits = (

@@ -108,6 +108,7 @@ def test_a_process_that_never_says_goodbye_is_tidied_up(network):
     assert eventually(lambda: node.get_node_names() == ['keen'])
 
 
+@pytest.mark.slow
 def test_the_others_go_on_when_the_process_with_the_router_ends(network):
     host = network.start(TALK, 'host')
     host.expect('up')
@@ -125,6 +126,7 @@ def test_the_others_go_on_when_the_process_with_the_router_ends(network):
     assert hears(others[0], 'b')
 
 
+@pytest.mark.slow
 def test_many_processes_start_at_once(network):
     names = 'abcde'
     talkers = [network.start(TALK, name) for name in names]

@@ -153,6 +153,7 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path, caps
         running.communicate()
 
 
+@pytest.mark.slow
 def test_a_bag_is_replayed_as_its_nodes_published_it(network, tmp_path):
     bag = tmp_path / 'run.mcap'
     done = run(
@@ -180,6 +181,7 @@ def test_a_bag_is_replayed_as_its_nodes_published_it(network, tmp_path):
     assert [m['normal_impulse'] for m in heard] == [m.normal_impulse for m in recorded]
 
 
+@pytest.mark.slow
 def test_a_bag_is_not_played_into_a_run(network, tmp_path):
     bag = tmp_path / 'run.mcap'
     done = run('run', 'four_bar_clearance', '--duration', '0.1', '--record', str(bag), env=network)

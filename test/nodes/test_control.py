@@ -215,6 +215,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
     """Of a run whose end is announced nobody can take that back, and the last step is answered.
@@ -292,6 +293,7 @@ shutdown()
 )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_announced(tmp_path):
     commands = 'drive.commands={acceleration: 100 rad/s^2, fastest: 60 rad/s}'

@@ -127,6 +127,7 @@ end.done(**heard)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 def test_who_joins_a_run_under_way_gets_the_descriptions(tmp_path):
     env = environment()

@@ -113,8 +113,8 @@ def place(p):
     return np.array([p.x, p.y])
 
 
+@pytest.mark.slow
 @pytest.mark.network
-@pytest.mark.sample(1)
 def test_markers_are_what_viewers_accept(shown):
     """Unit quaternions, visible colours, ids of their own, known frames, sizes, enough points."""
     arrays = shown.topics['/markers'] + shown.topics['/force_markers']

@@ -68,6 +68,7 @@ shutdown()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.network
 @pytest.mark.usefixtures('backend')
 def test_every_state_of_the_driver_is_answered_by_all_joints(tmp_path):

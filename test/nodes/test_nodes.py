@@ -296,6 +296,7 @@ def wait_for_file(path: Path, size: int, process: subprocess.Popen[str]) -> None
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 @pytest.mark.parametrize(
     ('processes', 'number'),
@@ -313,6 +314,7 @@ def test_a_signal_ends_the_run_with_the_bag_finished(tmp_path, processes, number
     assert found.topics['/motion'].count > 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 def test_a_partner_that_never_comes_is_named():
     done = run(
@@ -408,6 +410,7 @@ def test_of_runs_that_start_together_one_goes_on(more):
     assert sum('is running in this domain' in text for text in said) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 @pytest.mark.parametrize('there', [False, True])
 def test_a_run_stopped_before_all_nodes_are_there_says_that_it_has_no_bag(tmp_path, there):
@@ -474,6 +477,7 @@ def test_a_paced_run_is_not_faster_than_its_clock():
     assert outcome['wall_time'] > 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 def test_parameters_that_are_nearly_right_are_named():
     """ROS passes over what a node does not know; those meant for other nodes are not named."""

@@ -156,6 +156,7 @@ def test_what_nobody_hears_is_counted_but_not_made(monkeypatch, tmp_path):
     assert counts[1]['/linkage_state'] > 5
 
 
+@pytest.mark.slow
 def test_a_partner_that_leaves_is_named(monkeypatch):
     monkeypatch.setattr(partners, 'GONE_AFTER', 0.0)
     with nodes_of(SCENE, 1e5, 'crank_drive', 'linkage', realtime_factor=1.0) as nodes:
@@ -196,6 +197,7 @@ def test_parameters_that_list_texts_are_arrays_or_one_text(tmp_path):
     assert found == digest_of(SCENE, tuple(values), 0.02)
 
 
+@pytest.mark.slow
 def test_an_error_that_ends_a_node_is_in_rosout(network):
     listener, heard = Node('listener'), []
     listener.create_subscription(Log, '/rosout', heard.append, 10)
@@ -237,6 +239,7 @@ def test_two_runs_on_one_network_are_kept_apart(tmp_path):
     assert analyze(bag).digest == digest_of(SCENE, duration=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('more', [(), ('--processes',)])
 def test_a_run_that_is_refused_touches_no_file(network, tmp_path, more):
     """Neither the bag that it would replace, nor one that is not there."""
@@ -274,6 +277,7 @@ def play(nodes: dict[str, SimulationNode]) -> None:
         operator.destroy_node()
 
 
+@pytest.mark.slow
 @pytest.mark.optimised  # as in the other process
 def test_machines_in_two_namespaces_do_not_disturb_each_other(network, tmp_path):
     """One in another process runs to its end while one of no namespace waits in this."""
@@ -304,6 +308,7 @@ def test_machines_in_two_namespaces_do_not_disturb_each_other(network, tmp_path)
         assert all(topic.startswith(f'/{prefix}') for topic in own)
 
 
+@pytest.mark.slow
 def test_a_controller_outside_commands_each_sample_as_by_hand():
     """The program of the pages, with a node of its own."""
     controller, speed = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
@@ -373,6 +378,7 @@ class Commander(Node):
             self.command.publish(Float64(data=0.1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('period', 'answers', 'unanswered'), [(5, 3, [15]), (50, 2, [100, 150])]
 )  # of the latter the third period ends at 0.15000000000000002 s: the state at 0.15 s is before
@@ -570,6 +576,7 @@ def test_a_rate_of_joint_states_that_is_not_that_of_commands_is_said(rate, said,
     assert ("as by --set 'outputs.joint_states=200 Hz'" in told) == bool(said)
 
 
+@pytest.mark.slow
 def test_who_waits_for_a_command_on_a_state_that_does_not_come_says_why(monkeypatch, capsys):
     monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
     controller, told = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
@@ -740,6 +747,7 @@ class _Watch:
         return self.now
 
 
+@pytest.mark.slow
 def test_a_stall_is_not_followed_by_a_rush(monkeypatch):
     """A partner that stands still for 5 s of wall time delays the run by so long."""
     watch, most = _Watch(), 2.0 * pace.AHEAD + 0.01
@@ -806,6 +814,7 @@ def test_the_clock_reaches_the_end_of_each_run_in_its_bag(tmp_path):
         assert (times[0], times[-1]) == (0.0, 0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('scene', 'duration'),
     [

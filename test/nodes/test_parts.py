@@ -441,6 +441,7 @@ def test_integrating_and_following_say_the_same(tmp_path, alone):
     assert one == other
 
 
+@pytest.mark.slow
 @pytest.mark.network
 @pytest.mark.parametrize(
     ('scene', 'name', 'duration'),

@@ -196,6 +196,7 @@ def described(monkeypatch, program: Path, **given: str) -> dict[str, SimpleNames
     return {e.executable: e for e in entities if hasattr(e, 'executable')}
 
 
+@pytest.mark.slow
 def test_a_file_of_parameters_for_all_nodes_has_the_last_word(monkeypatch, tmp_path):
     """`launch_ros` writes dictionaries to files for `/**`, and the last file counts."""
     program, given = tmp_path / 'mechanism-sim', tmp_path / 'given.yaml'

@@ -244,6 +244,7 @@ print('still here')
 """
 
 
+@pytest.mark.slow
 def test_code_that_is_let_go_takes_nothing_with_it():
     """In a process of its own, which would end where LLVM frees what another has."""
     done = subprocess.run(

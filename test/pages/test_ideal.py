@@ -133,6 +133,7 @@ def off(page: Page, values: dict[str, float], seen: dict) -> list[float]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'scene', [*QUICK, *(pytest.param(x, marks=pytest.mark.slow) for x in SMOOTH)]
 )
@@ -151,6 +152,7 @@ def test_the_page_moves_as_the_engine(scene, tmp_path):
     np.testing.assert_allclose(whatever, begun, rtol=0.0, atol=1e-11)  # back as it was
 
 
+@pytest.mark.slow
 def test_a_four_bar_stays_on_its_branch_up_to_its_limits(tmp_path):
     """Against the closed form: how far the crank goes, and on which side the coupler is."""
     page, rng = Page(tmp_path, 'four_bar_nominal'), np.random.default_rng(3)
@@ -254,6 +256,7 @@ def slide(page, path, value):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('width', 'height', 'scheme'),
     [

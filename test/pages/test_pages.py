@@ -227,6 +227,7 @@ def watched(request, browser, pages, tmp_path):
         yield SimpleNamespace(kind=kind, page=tab.page, asked=asked, opened=opened)
 
 
+@pytest.mark.slow
 def test_nothing_leaves_the_machine(watched):
     """No request, window or link goes elsewhere; charts have these buttons only, which save."""
     page = watched.page
@@ -256,6 +257,7 @@ def test_nothing_leaves_the_machine(watched):
     assert watched.opened == []
 
 
+@pytest.mark.slow
 def test_a_chart_is_saved_as_pictures_and_as_its_numbers(browser, pages, tmp_path):
     """The file has the numbers of the curves, and pictures are on paper, also in the dark."""
     context = browser.new_context(color_scheme='dark')

@@ -284,6 +284,7 @@ def test_the_page_holds_everything_and_asks_for_nothing(loose):
         assert words in page
 
 
+@pytest.mark.slow
 def test_the_command_makes_pages_of_bags_and_scenes(loose, tmp_path, monkeypatch):
     monkeypatch.setattr(charts, 'sections', lambda _: [])
     monkeypatch.chdir(tmp_path)

@@ -163,6 +163,7 @@ def test_keys_step_from_instant_to_instant(opened, record):
     assert time_of(opened) == pytest.approx(t[2], abs=apart)
 
 
+@pytest.mark.slow
 def test_the_lens_shows_the_pin_where_the_bag_has_it(opened, bag):
     """Loop closure with the angles of the recorded polynomials, read by another reader."""
     motions, seen = messages_of(bag, '/motion'), set()
@@ -308,6 +309,7 @@ def test_a_joint_under_the_pointer_lights_its_curves(opened):
     assert set(opened.evaluate(shades).values()) <= {'', None}
 
 
+@pytest.mark.slow
 def test_no_entry_of_a_legend_is_under_the_buttons_of_its_chart(opened):
     """A click switches a line also where its entry is the last of a row."""
     chart = 'figure[data-chart=forces]'
@@ -334,6 +336,7 @@ def test_no_entry_of_a_legend_is_under_the_buttons_of_its_chart(opened):
         assert entry.get_attribute('aria-label') == 'rocker_ground'
 
 
+@pytest.mark.slow
 def test_numbers_around_round_charts_are_not_cut(tab, tmp_path, record):
     chart = []
     for free, size in ((22.5, 0.25), (157.5, 0.4), (202.5, 0.25), (337.5, 0.4)):
@@ -364,6 +367,7 @@ def test_numbers_around_round_charts_are_not_cut(tab, tmp_path, record):
     assert tab.complaints == []
 
 
+@pytest.mark.slow
 def test_long_names_of_runs_go_on_a_phone(tab, tmp_path):
     other = {'start': 'centred', 'joints.coupler_rocker.clearance': {
         'radial': '0.1 mm', 'restitution': 0.3}}  # fmt: skip
@@ -637,6 +641,7 @@ def test_a_block_in_its_guide_leans_as_its_corners_do(tab, tmp_path):
     assert tab.complaints == []
 
 
+@pytest.mark.slow
 def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
     """The toe's path by `cycle`; a bar and an arrow as long as they say."""
     run = show(tab, tmp_path, 'ten_links', revolutions=1)
@@ -742,6 +747,7 @@ def _cost(tab: Tab, file: Path) -> float:
     return float(told['TaskDuration'])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('speed', [-30.0, -1.0])
 def test_the_lens_says_how_far_a_follower_parts_if_it_does(tab, tmp_path, speed):
     valve = simulated('valve_train', {'drive.speed': speed}, duration=0.2)

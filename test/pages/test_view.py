@@ -250,6 +250,7 @@ def test_a_view_with_a_scene_runs_it_and_ends_it(more, network):
     assert network
 
 
+@pytest.mark.slow
 def test_a_view_that_is_killed_leaves_no_run_behind(network):
     with started('view', SCENE, '--port', '0', '--json', '--paused') as view:
         address_of(view)
@@ -409,6 +410,7 @@ def test_a_page_that_talks_nonsense_is_sent_away_and_others_are_not(serving, jun
         assert [json.loads(good.recv(PATIENCE))['type'] for _ in range(2)] == ['waiting', 'state']
 
 
+@pytest.mark.slow
 def test_a_page_that_floods_is_sent_away(serving):
     _, asked, address = serving
     with connect(address) as good, connect(address) as bad:
@@ -485,6 +487,7 @@ def acted(tab):
         each.server.close()
 
 
+@pytest.mark.slow
 def test_a_page_says_that_its_view_has_ended(tab):
     server = Server(contents_of('live', MODULES), 0, lambda: [{'type': 'waiting'}], print)
     tab.page.goto(server.address)
@@ -504,6 +507,7 @@ def test_a_page_shows_nothing_of_a_machine_before_it_knows_where_it_is(acted):
     links.wait_for(state='visible')
 
 
+@pytest.mark.slow
 def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(acted):
     run = acted(SCENE, 0.1, 0.2)
     path = f'{PLAY}.radial'
@@ -530,6 +534,7 @@ def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(a
     assert run.tab.complaints == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('path', ['drive.speed', f'{PLAY}.radial', 'realtime_factor'])
 def test_a_key_moves_a_slider_by_a_value_at_least(acted, path):
     run = acted(SCENE, 0.1, 0.2)
@@ -570,6 +575,7 @@ def test_space_pauses_whatever_was_clicked_before(acted):
     assert run.tab.complaints == []
 
 
+@pytest.mark.slow
 def test_every_play_has_its_lens_in_the_live_view(acted):
     run = acted('whole_machine', 0.05, 0.1)
     told = run.live.stage.to_json()

@@ -474,6 +474,7 @@ def loose_four_bar(**more):
     })  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('friction', [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
 def test_energy_is_balanced_through_impacts(friction):
     clearance = 'joints.coupler_rocker.clearance'
@@ -834,6 +835,7 @@ def test_instruments_turn_with_the_cross_section():
     assert read['feel'][4:-4] == pytest.approx(along, abs=1e-3 * np.abs(along).max())
 
 
+@pytest.mark.slow
 def test_the_link_on_which_a_rod_hangs_changes_its_bending_by_the_square_of_its_size():
     """Orders of joints differ by the truncation of kinetic energy only, which is of that order."""
     joints = {

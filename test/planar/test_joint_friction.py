@@ -173,6 +173,7 @@ def test_a_wedge_lifts_any_load_alike(load, mass):
     assert force * (1000.0 / load) == pytest.approx(lifted(0.1), rel=1e-13)
 
 
+@pytest.mark.slow
 def test_a_slider_a_micrometre_long_rubs_however_slowly_it_moves():
     """At a turn in a week it slides by 1e-11 m/s; its friction goes by its force alone."""
     losses = []
@@ -277,6 +278,7 @@ def by_hand(q, v, a, mu, radii, wall, load):
     return z
 
 
+@pytest.mark.slow
 def test_a_compressor_by_the_equations_of_its_links():
     cycle = ms.cycle(ms.load_scene('rubbing_compressor'), samples=24)
     links = 'crank', 'rod', 'piston'
@@ -325,6 +327,7 @@ def test_the_losses_are_what_the_drives_do_more():
     assert (power + gas)[kept] == pytest.approx((stored + turning + rod + crank)[kept], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_forces_forwards_are_those_backwards():
     """A torque-driven run, and the torque that its own motion takes by the other solution."""
     drive = {'drive': {'coordinate': 'crank', 'speed': 40.0,
@@ -537,6 +540,7 @@ def test_what_cannot_rub_is_refused(name, joint, friction, sentence):
         made(variant(name, {f'joints.{joint}': keys}), name)
 
 
+@pytest.mark.slow
 def test_there_is_no_efficiency_where_loads_drive_the_machine_too():
     """Of a chain with 0.15 +- 4 N m on its wheel, which gives more than the drive; or none at all.
 

@@ -446,6 +446,7 @@ def test_overestimation_shortens_no_step():
     assert sum(looks) < 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('load', ['3 N', '-500*exp(-((crank - 1.7)/0.001)^2)'])
 def test_laws_have_more_powers_than_few_digits_ask_for(load):
     """A formula of position is of degree 12, more than the order of steps at such tolerances."""

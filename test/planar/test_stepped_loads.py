@@ -296,6 +296,7 @@ def test_a_toggle_press_works_on_its_workpiece():
     assert energy.dissipated > area - above > ideal.energy.dissipated - 10.0
 
 
+@pytest.mark.slow
 def test_impacts_of_roundings_do_not_move_what_is_held():
     """Ram and workpiece rest, two pins part by roundings and fall back: this went on for ever."""
     worn = ms.load_scene('toggle_press', {

@@ -286,6 +286,7 @@ def test_stops_that_are_never_met_change_nothing_in_the_plane():
         assert np.abs(one.sample(t, name)[name] - other.sample(t, name)[name]).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_a_coupler_with_axial_play_rattles_between_stops():
     """It leans by its misaligned pin, and its end comes to both stops: energy stays in balance."""
     tilt = {'stiffness': 100.0, 'thickness': '10 mm', 'axial_stiffness': '2 kN/m'}
@@ -350,6 +351,7 @@ def test_no_misalignment_is_the_planar_machine_to_the_bit():
     np.testing.assert_array_equal(*q)
 
 
+@pytest.mark.slow
 def test_a_link_that_could_lean_but_is_in_line_moves_as_the_planar_one():
     """Until impacts have magnified rounding; the ends share every impulse."""
     plain = ms.simulate(four_bar(), revolutions=1.05)
@@ -386,6 +388,7 @@ def test_stiffer_links_come_nearer_to_those_that_stay_in_their_plane():
     assert off[2] / off[1] == pytest.approx(0.25, abs=0.05)
 
 
+@pytest.mark.slow
 def test_ends_change_places_when_the_misalignment_is_turned_over():
     length = {'length': '20 mm', 'misalignment__pin__angle': '5 mrad'}
     one, other = (

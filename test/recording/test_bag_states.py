@@ -52,6 +52,7 @@ def ended(tmp_path_factory):
     return path, run_json(*RUN, '--record', str(path))
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_run_that_ends_with_a_batch_says_nothing_twice(ended):
     """Another author's reader finds no message without segments, and the motion whole."""
@@ -65,6 +66,7 @@ def test_a_run_that_ends_with_a_batch_says_nothing_twice(ended):
     assert messages[-1].known_until == pytest.approx(ends[-1], rel=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_run_info_and_report_say_the_same_of_time(ended, tmp_path):
     path, outcome = ended
@@ -105,6 +107,7 @@ def simulated():
     return machine, ms.simulate(machine, duration=0.1)
 
 
+@pytest.mark.slow
 def test_old_bags_may_hold_messages_without_segments(simulated, tmp_path):
     """Before, between and after those with some; what was refused is read."""
     machine, solution = simulated

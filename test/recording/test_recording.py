@@ -295,6 +295,7 @@ def whole(path):
     return found
 
 
+@pytest.mark.slow
 def test_a_killed_writer_loses_less_than_half_a_second(tmp_path):
     path = tmp_path / 'killed.mcap'
     command = [sys.executable, '-c', CHILD, str(path)]
@@ -334,6 +335,7 @@ def test_a_killed_writer_loses_less_than_half_a_second(tmp_path):
     assert path.stat() == closed
 
 
+@pytest.mark.slow
 def test_of_a_bag_cut_anywhere_recovery_keeps_what_can_be_read(bag, tmp_path):
     """The pieces of a chunk, too: random bytes are not compressed, blocks have 128 kB."""
     path, dice = tmp_path / 'cut.mcap', np.random.default_rng(0)
@@ -870,6 +872,7 @@ def test_recovery_finds_what_is_behind_a_damaged_length(long_bag, closed, of, by
     assert recover(long_bag).was_closed
 
 
+@pytest.mark.slow
 def test_whatever_byte_is_damaged_all_other_chunks_are_kept(long_bag):
     """Also of an index: it is made anew."""
     sent, data, dice = list(read_bag(long_bag).raw()), long_bag.read_bytes(), dice_of(2)

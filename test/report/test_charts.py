@@ -304,6 +304,7 @@ def test_turns_at_the_start_can_be_left_out(loose):
         sections(loose, skip=10)
 
 
+@pytest.mark.slow
 def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
     """They do not begin anew where the part begins."""
     part = loose.between(0.7 * loose.end, 0.8 * loose.end)

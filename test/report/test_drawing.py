@@ -87,6 +87,7 @@ def test_names_do_not_cover_each_other(scene):
     assert not list(overlapping(figure))
 
 
+@pytest.mark.slow
 def test_names_longer_than_their_bars_do_not_cover_each_other():
     """A hanging chain of twenty, to and fro."""
     rods = [f'connecting_rod_{k}' for k in range(20)]

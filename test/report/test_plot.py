@@ -62,6 +62,7 @@ def drawn(bag, *names, **span):
     return found, [axes.get_ylabel() for axes in figure.axes]
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_lines_are_the_messages_that_others_read(bag):
     (gap, force), words = drawn(bag, 'linkage_state.gaps[0]', '/linkage_state.normal_forces')

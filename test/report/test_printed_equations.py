@@ -847,6 +847,7 @@ def test_numbers_have_the_digits_that_they_have():
         assert not re.search(r'\d\.\d*(0{8}|9{8})\d', text)
 
 
+@pytest.mark.slow
 def test_pi_is_printed_where_the_scene_was_loaded_before():
     # sympy is imported when a page needs it; until then heyoka has a stand-in of its constants
     code = (

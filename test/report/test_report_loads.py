@@ -64,6 +64,7 @@ def test_a_main_drive_without_torque_is_not_told_by_the_force_of_another():
     assert other[:2] == ('drive of slide', '6 N')
 
 
+@pytest.mark.slow
 def test_a_moment_of_a_bearing_is_not_told_by_the_force_of_its_joint():
     """At the end of its pin it is the force by half the bushing's length, at all times."""
     record = simulated('four_bar_misaligned', revolutions=1)

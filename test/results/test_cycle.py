@@ -299,6 +299,7 @@ def test_bad_input_is_one_sentence(arguments, words, capsys):
     assert said.count('\n') == 1
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_table_and_the_summary(tmp_path):
     files = {suffix: tmp_path / f'table.{suffix}' for suffix in ('csv', 'npz', 'parquet')}
     options = ('cycle', 'four_bar_nominal', '--samples', '24', '--at', '90 deg', '--points',

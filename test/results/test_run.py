@@ -187,6 +187,7 @@ def test_the_command_says_so_in_one_sentence(capsys):
     assert 'violated' in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_shooting_method_fails_where_it_ends(monkeypatch):
     """A turn of a machine that settles, whose balance is said to be off by as much again."""
     assert station(ms.load_scene('four_bar_nominal', TURNED), turning=True).modes
@@ -224,6 +225,7 @@ def test_revolutions_may_be_written():
         ms.simulate('slider_crank', revolutions='two')
 
 
+@pytest.mark.slow
 def test_a_stream_that_was_interrupted_amid_a_piece_does_not_go_on():
     """What of the piece was counted nobody knows; after a break between pieces it goes on."""
     machine = ms.load_scene('four_bar_clearance')

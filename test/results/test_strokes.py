@@ -123,6 +123,7 @@ def test_what_turns_one_way_stands_in_its_dwells_only():
     assert wheel.standing == pytest.approx(0.75 * 2.0, rel=1e-9)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ('scene', 'name', 'size', 'moves', 'stands'),
     [
@@ -144,6 +145,7 @@ def test_what_is_indexed_moves_in_a_part_of_the_turn(scene, name, size, moves, s
     assert f'in 2 moves of {moves:g} s; stands at' in twice
 
 
+@pytest.mark.slow
 def test_what_moves_on_in_some_turns_only_is_not_told_as_indexed():
     """A slider behind a wheel of four slots does the same after four turns, not after one."""
     content = {

@@ -68,6 +68,7 @@ def engine(span: str = '720 deg', force: str = 'gas(crank)', **more: Any) -> ms.
     return ms.load_scene('slider_crank', tables | {'loads': loads} | more)
 
 
+@pytest.mark.slow
 def test_a_cam_at_half_speed_lifts_in_a_cycle_of_two_turns():
     machine = made(CAMSHAFT)
     assert machine.drive.repetition.turns == 2
@@ -147,6 +148,7 @@ def test_what_comes_again_after_turns_is_not_asked_about(factor):
     assert asked != machine.drive.repetition.found
 
 
+@pytest.mark.slow
 def test_commands_say_how_many_turns_they_take(tmp_path):
     scene = tmp_path / 'camshaft.yaml'
     scene.write_text(CAMSHAFT, encoding='utf-8')
@@ -158,6 +160,7 @@ def test_commands_say_how_many_turns_they_take(tmp_path):
     assert said not in run('cycle', str(scene), '--revolutions', '1').stderr
 
 
+@pytest.mark.slow
 def test_a_crank_that_swings_asks_each_of_its_laws_once_for_all_its_turns(monkeypatch):
     """It turns by ``|2 sin(7 t)|``: 4/7 rad in each of its half periods."""
     drive = made({'links': {'crank': {}}, 'joints': {'shaft': {'revolute': ['ground', 'crank']}},

@@ -216,6 +216,7 @@ def test_malformed_override_texts_are_refused(text):
         ms.load_scene(LOOSE, [text])
 
 
+@pytest.mark.slow
 def test_every_scene_written_out_is_read_again_as_it_was():
     """As studies, sweeps, bags and nodes do: by values, by JSON, and with a number changed."""
     for name in ms.scene_names():

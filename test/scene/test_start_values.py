@@ -279,6 +279,7 @@ def test_a_rate_in_another_unit_than_the_start_is_refused() -> None:
     assert made(scene).plan.states
 
 
+@pytest.mark.slow
 def test_units_in_formulas_of_states_change_no_bit() -> None:
     """Beside the same formulas of numbers in SI units, which know no units."""
     plain = {

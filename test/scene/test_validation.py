@@ -117,6 +117,7 @@ def test_limits_are_told_from_the_turn_that_they_forbid() -> None:
         ms.load_scene('four_bar_nominal', scene)
 
 
+@pytest.mark.slow
 def test_a_crank_may_swing_for_as_long_as_one_likes() -> None:
     """More laws than are looked at beforehand: the last of them is not the motion after it."""
     lengths = {'ground': 0.4, 'crank': 0.1, 'coupler': 0.7, 'rocker': 0.3}

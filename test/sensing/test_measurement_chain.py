@@ -494,6 +494,7 @@ def pieces(whole: Motion, cuts):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(3))
 def test_blocks_are_the_same_to_the_last_bit_however_the_motion_is_cut(loose, seed):
     machine, solution, _ = loose

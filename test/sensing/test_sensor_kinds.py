@@ -46,6 +46,7 @@ def test_the_scene_has_every_kind(machine):
     assert kinds | {'strain_gauge'} == set(SENSORS)  # that is for elastic links only
 
 
+@pytest.mark.slow
 def test_what_is_read_does_not_depend_on_how_the_motion_comes(machine, solution):
     end, cut = solution.motion.curve.end, 0.0371
     parts = solution.motion.between(0.0, cut), solution.motion.between(cut, end)
@@ -214,6 +215,7 @@ def test_a_load_cell_reads_the_reaction_along_the_link(solution):
     np.testing.assert_allclose(read, force, rtol=1e-9, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_impacts_reach_a_load_cell_as_their_impulses(solution):
     """A slow filter shows ``omega_c`` times the impulse at once: in the pin from the impacts."""
     corner = 20.0

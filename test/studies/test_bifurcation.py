@@ -278,6 +278,7 @@ def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):
     assert (found.unit, found.scale) == ('rad/s', pytest.approx(1.0))
 
 
+@pytest.mark.slow
 def test_responses_are_followed_over_speeds_where_turns_are_few():
     """A state moves with its machine: contacts of the neighbour do not strike at another speed."""
     found = ms.bifurcation(
@@ -298,6 +299,7 @@ def test_a_direction_of_many_values_shares_its_turns():
     assert turns == [(60, 60), (60, 20), (8, 16), (30, 16)]
 
 
+@pytest.mark.slow
 def test_a_branch_is_foretold(monkeypatch):
     """On the course of the responses before a run begins where it ends: few turns show it."""
     turns, found_of = [], study._SectionAccumulator.found

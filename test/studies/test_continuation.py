@@ -134,6 +134,7 @@ def test_a_load_a_thousandth_of_a_turn_wide_is_in_each_section():
         assert response.points == pytest.approx(np.add(kicked, [[X.imag, w * X.real]]), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_branch_on_which_many_starts_lie_is_followed_once():
     """A ball that comes to rest in each turn leaves the table where its acceleration is g.
 

@@ -82,6 +82,7 @@ def test_walls_wear_by_what_the_oil_leaves_to_them(speed, friction, law):
     assert pin.max() > 3.0 * pin.mean()
 
 
+@pytest.mark.slow
 def test_a_film_that_carries_all_leaves_nothing_to_wear(monkeypatch):
     """Exactly nothing, above the speed of lift-off; a page runs its machine once then."""
     assert wall_force(0.5 * FULL_SPEED) > 0.0 == wall_force(FULL_SPEED)
@@ -145,6 +146,7 @@ def test_halving_steps_changes_a_life_in_oil_by_less_than_it_says(monkeypatch):
     assert pin.max() > 0.1 * CLEARANCE > 20.0 * pin.min()
 
 
+@pytest.mark.slow
 def test_a_worn_pin_is_carried_by_film_and_wall_together():
     """A groove below, off the load; the film between by quadrature of its thickness."""
     speed, at = 8.0, np.radians(-60.0)

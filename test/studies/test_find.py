@@ -47,6 +47,7 @@ def test_every_crossing_is_found_to_rounding():
         assert figure == pytest.approx(0.5 * SPEED + 2.0 * 9.81 * abs(value), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_zero_but_for_rounding_is_met_from_where_the_closed_form_says():
     """Least force of an eccentric cam: ``preload + 2 k e - m e w^2``, and nothing in flight."""
     wanted = 'lowest(normal_force.contact) = 0 N'
@@ -122,6 +123,7 @@ def test_a_figure_that_steps_across_the_goal_is_marked():
     assert {round(one.figure, 12) for one in finding.found} <= {1.0}
 
 
+@pytest.mark.slow
 def test_a_count_is_met_all_along_a_stretch():
     """A follower stays on its cam from the stiffness on that its deceleration takes."""
     limits = {'springs.s.stiffness': (2e3, 6e3)}
@@ -176,6 +178,7 @@ def test_a_path_that_is_none_is_refused():
         find(rotor(), {'links.bar.lenth': ('1', '2')}, minimise='mean(drive_torque)')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('limits', [('-10 rpm', '10 rpm'), ('0 rpm', '10 rpm')])
 def test_speeds_about_zero_are_refused_where_cycles_are_turns(limits):
     speeds = {'drive.speed': limits}
@@ -199,6 +202,7 @@ def test_a_figure_without_a_value_is_no_figure():
 BOTH = {'drive.speed': ('2 rad/s', '20 rad/s'), 'links.bar.cog': ('0.05 m', '0.4 m')}
 
 
+@pytest.mark.slow
 def test_two_keys_are_found_for_two_goals():
     """``highest = 0.5 w + m g a`` and ``mean = 0.5 w``, of which w and a follow."""
     found = find(
@@ -267,6 +271,7 @@ def test_the_command_varies_several_keys():
     assert alone['evaluations'] > 3
 
 
+@pytest.mark.slow
 def test_the_greatest_is_found_along_one_key():
     """``range = 2 m g |a|`` of a bar is greatest at the larger end."""
     finding = find(rotor(), {'links.bar.cog': (-0.4, 0.3)}, maximise='range(drive_torque)')
@@ -306,6 +311,7 @@ def test_a_constraint_of_two_measures_and_one_that_does_not_matter():
     assert [c.active for c in found.constraints] == [True, True, False]
 
 
+@pytest.mark.slow
 def test_targets_under_constraints():
     goal = 'highest(drive_torque) = 6 N m'
     found = find(rotor(), BOTH, goal, subject_to='mean(drive_torque) < 2 N m', samples=6)
@@ -393,6 +399,7 @@ def test_an_interrupted_search_goes_on(tmp_path, monkeypatch):
         find(rotor(), BOTH, minimise='mean(drive_torque)', file=file)
 
 
+@pytest.mark.slow
 def test_the_command_writes_scene_table_and_picture(tmp_path):
     files = [tmp_path / f'found.{end}' for end in ('yaml', 'csv', 'svg')]
     found = run_json(
@@ -410,6 +417,7 @@ def test_the_command_writes_scene_table_and_picture(tmp_path):
     assert found['constraints'][0]['holds'] is True
 
 
+@pytest.mark.slow
 def test_limits_are_taken_as_the_command_takes_them():
     """Texts, pairs and lists; keys of one coordinate of a point."""
     goal = 'largest(position.piston) = 0.5 m'
@@ -482,6 +490,7 @@ def test_exact_slopes_are_those_of_differences():
         assert slope == pytest.approx((ends[0] - ends[1]) / (2e-5 * value), rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('counts', [(1,), pytest.param((1, 2), marks=pytest.mark.slow)])
 def test_a_front_has_all_designs_that_none_dominates_and_workers_change_nothing(tmp_path, counts):
     """Dominance by comparing all pairs of the table of what was tried."""
@@ -504,6 +513,7 @@ def test_a_front_has_all_designs_that_none_dominates_and_workers_change_nothing(
     assert {tuple(design.measures.values()) for design in found.front} == best
 
 
+@pytest.mark.slow
 def test_a_search_that_was_killed_ends_in_the_same_bytes(tmp_path):
     """A journal that ends within a line, as a kill leaves it, and no table."""
     how = {'so_that': ['highest(drive_torque) = 10 Nm', 'mean(drive_torque) = 5 Nm'], 'samples': 4}
@@ -588,6 +598,7 @@ def test_the_optimum_of_a_press_is_that_of_a_grid():
         assert max(held) >= best * (1.0 - gap)
 
 
+@pytest.mark.sample(16)
 @pytest.mark.parametrize(
     ('args', 'said'),
     [

@@ -77,6 +77,7 @@ def test_samples_before_the_run_are_left_out_and_counted(tmp_path, capsys):
     )
 
 
+@pytest.mark.slow
 def test_an_angle_that_is_a_whole_turn_beside_is_told():
     """The evident cause comes before other ranges and seeds; other offsets are none."""
     machine, t = ms.load_scene('pendulum'), np.linspace(0.0, 1.0, 61)
@@ -90,6 +91,7 @@ def test_an_angle_that_is_a_whole_turn_beside_is_told():
         assert (words in fit_text(found)) is bool(turns)
 
 
+@pytest.mark.slow
 def test_an_oscillator_is_found_in_its_closed_form():
     record = measured(1)
     found = identify([record], wanted(record), seed=1)
@@ -133,6 +135,7 @@ def test_correlated_errors_widen_the_limits():
     assert all(inside(identify([drifting], wanted(drifting), seed=1)))
 
 
+@pytest.mark.slow
 def test_a_signal_of_another_machine_is_said_to_be_none():
     record = measured(1, count=150)
     walk = np.cumsum(np.random.default_rng(2).standard_normal(len(record.times)))
@@ -222,6 +225,7 @@ def test_the_text_has_units_and_as_many_digits_as_the_limits_tell():
     )
 
 
+@pytest.mark.slow
 def test_a_noise_that_nobody_knows_is_no_measure_of_what_is_left():
     record = measured(1)
     found = identify([record], wanted(record), seed=1)
@@ -257,6 +261,7 @@ def test_a_method_that_does_not_apply_is_refused(paths, method, words):
         identify([record], wanted(record, limits), method)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('path', 'step', 'link'),
     [
@@ -306,6 +311,7 @@ def test_a_bearing_is_found_from_its_run_up_with_its_noise():
         assert e.identified
 
 
+@pytest.mark.slow
 def test_the_command_reads_a_file_of_two_channels(tmp_path):
     file = tmp_path / 'rig.csv'
     t = np.arange(0.0, 3.0, 0.01)
@@ -338,6 +344,7 @@ def rig(tmp_path_factory):
     return path
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     'how',
     [

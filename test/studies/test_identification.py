@@ -227,6 +227,7 @@ def test_few_samples_have_no_features():
         identify([signal], wanted(signal, 'radial'), 'regression')
 
 
+@pytest.mark.slow
 def test_a_signal_too_short_for_features_keeps_what_is_found_sample_by_sample():
     """Of another machine, so that no run follows: it had ended with a refusal by the other way."""
     signal = recorded({}, {'drive': {'speed': '600 rpm'}}, 200)

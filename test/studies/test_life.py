@@ -39,6 +39,7 @@ def wheel(speed=2.0, cog=0.0, **wear):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_bearing_that_wears_evenly_lasts_as_its_closed_form():
     """``dh/dn = k N (rp + c + h)/(w (rp + c))``: the way grows with the bushing."""
     until = 1.3 * CLEARANCE
@@ -54,6 +55,7 @@ def test_a_bearing_that_wears_evenly_lasts_as_its_closed_form():
     assert not last.depths['axle'][1].any()
 
 
+@pytest.mark.slow
 def test_the_end_of_a_life_is_written_as_other_conditions():
     """Either side first, with or without ``=``: those of ``--subject-to`` are."""
     until = 1.02 * CLEARANCE
@@ -148,6 +150,7 @@ def depth_of_rigid_pin(cycles):
     return float(brentq(beyond, 1e-12, 1e-3))
 
 
+@pytest.mark.slow
 def test_a_rigid_pin_sinks_under_a_constant_load_as_its_closed_form():
     """Every depth, and the life, within what is said of them, which is little."""
     until = 12e-6
@@ -163,6 +166,7 @@ def test_a_rigid_pin_sinks_under_a_constant_load_as_its_closed_form():
     assert ms.load_scene(found.scene(found.stages[-1])).scene.joints['bush'].clearance.profile
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('aside', [0.0, 0.024])
 @pytest.mark.parametrize('depth', [0.0, 3.4e-6])
 def test_wear_bears_the_load_where_it_points(aside, depth):
@@ -195,6 +199,7 @@ def test_turns_that_scatter_are_smoothed_and_others_are_not():
     assert mean.min() >= 0.0 < error.max()
 
 
+@pytest.mark.slow
 def test_a_journal_goes_on_with_another_limit(tmp_path):
     """As afresh, with the runs of the same depths from the journal: here that of the new one."""
     table = tmp_path / 'life.csv'

@@ -90,6 +90,7 @@ def test_the_commands_say_it(tmp_path):
     assert 'it has 4 exponents, not 9' in done.stderr
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('scene', ['four_bar_clearance', 'hydraulic_arm'])
 def test_digits_of_a_run_hold_as_long_as_it_says(scene):
     """Beside the same run with a hundredth of the tolerance: through impacts, and with states."""
@@ -157,6 +158,7 @@ def test_an_interval_that_holds_zero_decides_nothing():
     assert 'chaotic' in exponents_text(sure)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('rpm', [2500.0, 3000.0])
 def test_what_a_closed_contact_ends_is_no_rounding_of_a_multiplier(rpm):
     """A loose follower that rides on its cam for part of every turn: its start is forgotten."""
@@ -183,6 +185,7 @@ def shaken(table, ball):
     })  # fmt: skip
 
 
+@pytest.mark.slow
 def test_laws_of_other_drives_begin_again_with_every_turn_that_begins_anew():
     """One impact a turn: both multipliers have the size e; a ball that rests forgets all."""
     move = {'position': '0.6 mm * sin(40*pi*t + 4.34260464886179)'}
@@ -231,6 +234,7 @@ def test_loads_over_time_know_nothing_of_the_turns_of_a_crank(crank):
         assert response is None
 
 
+@pytest.mark.slow
 def test_turns_that_keep_their_time_end_no_rounding_too_late():
     """A segment of a rounding has no derivatives: beside a force too small to matter they fail."""
     timed = {'loads.p': {'at': 'ball', 'force': ['0 N', '1e-12*cos(3*t)']}}

@@ -261,6 +261,7 @@ def test_batches_leave_out_little_and_means_nothing(n, expected):
         assert half == pytest.approx(t * sums.std(ddof=1) / math.sqrt(len(sums)))
 
 
+@pytest.mark.slow
 def test_a_run_of_a_loose_machine_has_means_with_intervals():
     """As the statistics of its revolutions, from the first one on; an ideal one has none."""
     found = run_json('solve', 'four_bar_clearance', '--revolutions', '24', '--no-events')

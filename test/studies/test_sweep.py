@@ -532,6 +532,7 @@ def test_of_two_runs_the_one_that_fails_keeps_the_other(tmp_path):
     assert analyze(tmp_path / 't.bags' / 'run_00001.mcap').digest == good['digest']
 
 
+@pytest.mark.slow
 def test_a_plain_script_sweeps_by_one_worker_which_is_this_process(tmp_path):
     # a process of its own would read the script again, and begin the sweep there
     script = tmp_path / 'script.py'
@@ -547,6 +548,7 @@ def test_a_plain_script_sweeps_by_one_worker_which_is_this_process(tmp_path):
     assert (done.stdout, done.returncode) == ('2\n', 0), done.stderr
 
 
+@pytest.mark.slow
 def test_several_workers_in_a_script_without_a_guard_are_refused_at_once(tmp_path):
     script = tmp_path / 'script.py'
     script.write_text(
@@ -641,6 +643,7 @@ def test_a_clearance_of_zero_is_an_ideal_joint_in_the_same_table(tmp_path):
     assert bare['digest'][0] == found['digest'][0] != bare['digest'][1]
 
 
+@pytest.mark.slow
 def test_scenes_of_every_form_stand_in_sweeps(tmp_path, monkeypatch):
     """As all of Python's functions take them; of one name each has a name of its own."""
     monkeypatch.chdir(tmp_path)

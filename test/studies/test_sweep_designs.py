@@ -363,6 +363,7 @@ def read(file):
     return dict(zip(names, zip(*rows, strict=True), strict=True)), units
 
 
+@pytest.mark.slow
 def test_a_number_of_a_vector_is_a_value_with_its_unit_and_its_effect(tmp_path):
     plan, rows = made(tmp_path, 'grid: {gravity.1: [-9.81, 0 m/s^2], links.bar.cog: [0 m, 1 m]}\n')
     first = plan.labels()[1]
@@ -400,6 +401,7 @@ def test_tables_say_units_in_every_format(tmp_path, ending):
     assert units['largest_force.O'] == 'N'
 
 
+@pytest.mark.slow
 def test_a_table_without_its_library_is_refused_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'openpyxl', None)
     with pytest.raises(InputError, match=r'openpyxl.*mechanism_sim\[tables\]'):

@@ -500,6 +500,7 @@ def test_masses_off_the_axes_and_dampers_are_those_of_the_machine(overrides, tur
     assert gap(link.angles[0], TURN * found.turns[0]) < TURN * within
 
 
+@pytest.mark.slow
 def test_a_damper_that_keeps_contact_is_known_to_the_pendulum():
     damped = ms.load_scene('four_bar_clearance', load(torque='-0.05*rocker_rate'))
     (found,) = losses(damped, 1.5)
@@ -527,6 +528,7 @@ loads: {l: {at: lever, torque: -0.01*lever_rate}}
 """
 
 
+@pytest.mark.slow
 def test_a_four_bar_has_its_criteria_in_whatever_order_it_is_written():
     """Links with other names, coordinates, joints and ends of joints in another order."""
     (short,) = losses(ms.load_scene('four_bar_clearance', load(torque='-0.01*rocker_rate')), 0.1)

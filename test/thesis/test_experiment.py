@@ -100,6 +100,7 @@ def simulated(trial):
     return ms.simulate(machine, revolutions=TURNS)
 
 
+@pytest.mark.slow
 def test_conditions_come_from_the_bags(found):
     assert [str(x.condition.bearing) for x in found.groups] == [
         'oil film of 30 mPa s', 'restitution 0.5, friction 0', 'restitution 1, friction 0',
@@ -115,6 +116,7 @@ def test_conditions_come_from_the_bags(found):
     assert film.impacts('count').mean == 0.0
 
 
+@pytest.mark.slow
 def test_figures_are_means_over_starts_with_the_interval_of_student(found):
     """A second route: scipy's own interval of a mean."""
     half = found.reference
@@ -130,6 +132,7 @@ def test_figures_are_means_over_starts_with_the_interval_of_student(found):
     assert math.isnan(found.groups[0].shown().half_width)
 
 
+@pytest.mark.slow
 def test_impulse_per_impact_is_that_of_all_starts_together(found):
     half = found.reference
     impulse, count = (sum(getattr(x.impacts, n).sum() / len(x.impacts.count) for x in half.trials)
@@ -160,6 +163,7 @@ def test_a_comparison_is_decided_by_intervals_that_do_not_overlap():
     assert verdict(open_._replace(expected=SAME)) == UNDECIDED
 
 
+@pytest.mark.slow
 def test_conclusions_follow_from_the_intervals(found):
     """Two starts of the machine without loss decide little; a bearing is not compared with oil."""
     made = claims(found)
@@ -174,6 +178,7 @@ def test_conclusions_follow_from_the_intervals(found):
     assert made[0].comparisons[0].ends == ('e = 1', 'e = 0.5')
 
 
+@pytest.mark.slow
 def test_runs_are_named_that_are_compared_and_why(found):
     text, data = summary(found), to_json(found)
     assert '6 runs of 3 conditions' in text
@@ -213,6 +218,7 @@ def test_an_oil_film_is_a_bearing_too(found):
     assert found.alpha(found.groups[0]).mean > 3.0 * found.alpha().mean
 
 
+@pytest.mark.slow
 def test_the_lower_limit_of_the_amplifier_is_what_velocities_by_trapezoids_are_off_by(found):
     """With 2 Hz, which is assumed, as from the scene; with the other limit much less.
 
@@ -231,6 +237,7 @@ def test_the_lower_limit_of_the_amplifier_is_what_velocities_by_trapezoids_are_o
     assert found.reference.first.machine.scene.sensors['rocker'].chain().amplifier.high_pass == 2.0
 
 
+@pytest.mark.slow
 def test_alpha_by_order_is_that_of_the_bags(found):
     """As `analyze --deviation coupler --against` gives it for one pair of bags."""
     pair = [
@@ -257,6 +264,7 @@ def clockwise(tmp_path_factory):
     return read_experiment(bags_of([folder]), skip=2)
 
 
+@pytest.mark.slow
 def test_of_two_cranks_that_turn_clockwise_the_faster_one_has_the_highest_speed(clockwise):
     assert [x.condition.place[:8] for x in clockwise.measured.values()] == ['-250 rpm', '-350 rpm']
     assert 'compared at -350 rpm' in summary(clockwise)
@@ -292,6 +300,7 @@ def test_a_figure_has_the_digits_of_its_interval():
                      '5.00', 'none', '99.0 +- 0.0', '42.3 +- 0.1']  # fmt: skip
 
 
+@pytest.mark.slow
 def test_truth_and_severity_are_those_of_the_simulation(found):
     """A second route: the motion simulated anew, sampled and differentiated here."""
     trial = found.assumed.first
@@ -314,6 +323,7 @@ def test_truth_and_severity_are_those_of_the_simulation(found):
         )
 
 
+@pytest.mark.slow
 def test_shown_is_what_an_instrument_without_noise_gives(found):
     """Two sensors whose readings differ by the angular acceleration alone; chains are linear."""
     instrument = Instrument(
@@ -335,6 +345,7 @@ def test_shown_is_what_an_instrument_without_noise_gives(found):
     assert (heard[0] - heard[1]) / 0.2 == pytest.approx(heard[2], abs=1e-7 * heard[2].max())
 
 
+@pytest.mark.slow
 def test_better_methods_are_better(found):
     errors = found.reference.first.errors
     for link in found.reference.first.swings:
@@ -347,12 +358,14 @@ def test_better_methods_are_better(found):
     assert shown['two'] < 0.1 * shown['thesis']
 
 
+@pytest.mark.slow
 def test_modified_responses_have_the_deviation_over_alpha(found):
     cycle, alpha = found.assumed.first.first, found.alpha().mean
     off = cycle.modified(alpha) - cycle.nominal
     assert off * alpha == pytest.approx(cycle.rows - cycle.nominal, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_turn_holds_all_of_its_impulses(found):
     """The mean over the turn of what is drawn, against the balance of momentum of the rocker."""
     trial = found.assumed.first
@@ -373,6 +386,7 @@ def test_a_turn_holds_all_of_its_impulses(found):
     assert impulse == pytest.approx(inertia * gained, abs=2e-3 * width * np.abs(turning).sum())
 
 
+@pytest.mark.slow
 def test_tables_have_a_row_for_every_condition(found):
     by_name = {table.name: table for table in tables(found)}
     assert len(by_name) == 15
@@ -384,6 +398,7 @@ def test_tables_have_a_row_for_every_condition(found):
     assert 'alpha = ' in render(found)
 
 
+@pytest.mark.slow
 def test_the_page_is_renewed_between_its_marks(found):
     page = 'a\n<!-- experiment: bearings -->\nold\n<!-- /experiment -->\nb\n'
     table = next(t for t in tables(found) if t.name == 'bearings')
@@ -393,6 +408,7 @@ def test_the_page_is_renewed_between_its_marks(found):
         renewed(page.replace('bearings', 'bearing'), found)
 
 
+@pytest.mark.slow
 def test_a_page_may_ask_for_some_rows_of_a_table(found):
     page = '<!-- experiment: bearings; restitution = 1 -->\n<!-- /experiment -->\n'
     table = next(t for t in tables(found) if t.name == 'bearings')
@@ -411,6 +427,7 @@ def test_a_page_may_ask_for_some_rows_of_a_table(found):
             renewed(page.replace('restitution = 1', asked), found)
 
 
+@pytest.mark.slow
 def test_the_page_has_the_tables_of_the_command(found):
     text = (ROOT / 'docs/experiment.md').read_text('utf-8')
     made = {t.name: t for t in tables(found)}
@@ -504,6 +521,7 @@ def test_pages_of_two_environments_are_held_against_each_other(tmp_path, capsys)
         assert f'wrong: {table}' in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_figures_are_those_of_the_thesis(found):
     names = sorted(chart.key for chart in experiment_figures.charts(found))
     assert names == [
@@ -513,6 +531,7 @@ def test_figures_are_those_of_the_thesis(found):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_each_of_the_six_largest_impacts_has_its_label(found):
     """Those that lie on one another share one; figure 8.11 of [SB] has six on both parts."""
     (chart,) = (x for x in experiment_figures.charts(found) if x.key == 'figure_8_11')
@@ -528,6 +547,7 @@ def test_each_of_the_six_largest_impacts_has_its_label(found):
         assert sorted(named) == [1, 2, 3, 4, 5, 6]
 
 
+@pytest.mark.slow
 def test_a_machine_that_is_compared_with_no_other_has_no_alpha(found):
     alone = Experiment([Repeats(found.reference.trials[:1])])
     assert 'no alpha' in render(alone)
@@ -563,6 +583,7 @@ def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkey
     assert len(table.splitlines()) == 2 + 3
 
 
+@pytest.mark.slow
 def test_a_page_without_marks_is_refused_before_bags_are_read(bags, tmp_path):
     page = tmp_path / 'page.md'
     page.write_text('no marks')
@@ -587,6 +608,7 @@ def test_the_command_writes_figures_and_prints_tables(bags, tmp_path):
     assert len(list((tmp_path / 'figures').glob('figure_*.png'))) == 18
 
 
+@pytest.mark.slow
 def test_what_is_no_such_experiment_is_refused(bags, tmp_path):
     with pytest.raises(InputError, match='has no bags'):
         bags_of([bags, tmp_path])

@@ -269,6 +269,7 @@ def test_momentum_and_energy_of_a_long_run(scene):
     assert work - lost == pytest.approx(energy(end) - energy(begin), abs=1e-9 * lost)
 
 
+@pytest.mark.slow
 def test_pieces_of_a_run_make_the_same_motion():
     """However a run is cut."""
     machine = ms.load_scene('four_bar_on_frame')

@@ -91,6 +91,7 @@ def test_rotors_swing_against_each_other_as_their_strands_let_them(pretension, p
     assert stretch == pytest.approx(0.5 * R1 / omega * np.sin(omega * t), abs=1e-14)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('damping', [40.0, 400.0])
 def test_a_strand_that_goes_slack_against_scipy(damping):
     """Its damper never makes it push: where that would, it pulls with nothing."""

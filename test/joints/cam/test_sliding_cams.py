@@ -276,6 +276,7 @@ def test_a_thrown_wedge_bounces_as_the_second_route(restitution):
     assert gap.max() > 4e-4
 
 
+@pytest.mark.slow
 def test_energy_closes_where_a_slider_crank_moves_the_cam():
     solution = ms.simulate(ms.load_scene('sliding_cam'), revolutions=4)
     hard = [i for i in solution.impacts if i.approach_speed > 0.01]

@@ -148,6 +148,7 @@ def test_the_number_of_touching_teeth_is_a_fourier_series():
         assert a == pytest.approx(wave / math.pi / mean * smooth, rel=1e-7)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('d', [300.0, 3000.0])
 def test_elastic_teeth_follow_their_equation(d):
     """Stiffness of the first flank, damping, error: SciPy on the one equation.

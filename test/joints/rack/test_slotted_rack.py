@@ -54,6 +54,7 @@ def mirrored(sign: int, clearance: bool = False, **places: float):
     })  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('clearance', [False, True])
 def test_a_mirrored_rack_has_the_mirrored_motion(clearance):
     """Also with play in its slots, over impacts."""

@@ -105,6 +105,7 @@ def test_the_measure_is_the_distance_beside_the_wall():
     assert (found.measure(inside)[0] > 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'worn', ['both', *(pytest.param(x, marks=pytest.mark.slow) for x in ('bushing', 'pin'))]
 )
@@ -153,6 +154,7 @@ def test_derivatives_are_those_of_the_value(worn):
     assert (high[2:, 0] - low[2:, 0]) / (2 * h) == pytest.approx(now[2:, 1], rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('depth', 'kind'),
     [
