@@ -105,7 +105,6 @@ def test_the_measure_is_the_distance_beside_the_wall():
     assert (found.measure(inside)[0] > 0.0).all()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     'worn', ['both', *(pytest.param(x, marks=pytest.mark.slow) for x in ('bushing', 'pin'))]
 )
