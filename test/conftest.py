@@ -27,7 +27,7 @@ import running
 import sampling
 from browsing import Tab, browsing
 from hypothesis import settings
-from middleware_network import Network
+from middleware_network import Network, joined
 
 from mechanism_sim.nodes import middleware
 from mechanism_sim.numerics import code_cache, compiled, kernels
@@ -154,15 +154,9 @@ def backend(request: pytest.FixtureRequest) -> Iterator[str]:
 
 @pytest.fixture(scope='module')
 def network() -> Iterator[Network]:
-    """This process on a network of its own."""
-    network = Network()
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in network.settings.items():
-            patch.setenv(name, value)
-        middleware.init()
+    """This process on a network of its own, for all tests of a module."""
+    with joined() as network:
         yield network
-        middleware.shutdown()
-        network.close()
 
 
 @pytest.fixture

@@ -8,8 +8,10 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
+import pytest
 from running import FOLLOW, TIMEOUT, free_port
 
 from mechanism_sim.nodes import middleware
@@ -123,3 +125,16 @@ class Network:
         """End what was started."""
         for process in self._processes:
             process.kill()
+
+
+@contextmanager
+def joined() -> Iterator[Network]:
+    """This process on a network of its own."""
+    network = Network()
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in network.settings.items():
+            patch.setenv(name, value)
+        middleware.init()
+        yield network
+        middleware.shutdown()
+        network.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from mcap.reader import make_reader
-from middleware_network import eventually
+from middleware_network import eventually, joined
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.messages import (
@@ -38,6 +38,13 @@ def frame_of(t, parent, child):
     """A frame at a time."""
     frame = TransformStamped(header=Header(stamp=stamp(t), frame_id=parent), child_frame_id=child)
     return TFMessage(transforms=[frame])
+
+
+@pytest.fixture
+def network():
+    """A network for each test: what is latched is heard until its session ends."""
+    with joined() as network:
+        yield network
 
 
 @pytest.mark.parametrize('before', [0, 40])
