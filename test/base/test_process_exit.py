@@ -71,7 +71,7 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('moment', MOMENTS)
 def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
     (tmp_path / 'odd.py').write_text(ODD, encoding='utf-8')

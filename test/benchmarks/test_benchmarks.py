@@ -140,7 +140,7 @@ def test_errors_of_the_loose_four_bar_are_those_of_its_final_angles(name):
 COMPILED = pytest.mark.parametrize('compiled', [False, pytest.param(True, marks=pytest.mark.slow)])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @COMPILED
 @pytest.mark.parametrize('name', STARTS)
 def test_methods_with_events_agree_with_the_reference(name, compiled):

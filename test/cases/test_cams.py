@@ -218,6 +218,7 @@ def edges(turned):
     return yaml.safe_load(re.sub(r'np\.float64\(([^)]*)\)', r'\1', str(found[::-1])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('sense', one_of(2, ['clockwise', 'counterclockwise']))
 def test_a_drawn_cam_lifts_as_its_drawing_turns(sense):
     """A nose at 20 deg of the drawing is under the follower, at 90 deg, at +-70 deg of the cam."""
@@ -462,6 +463,7 @@ def written(folder, law, **keys):
     return path
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('heading', [True, False])
 def test_a_table_in_a_file_makes_the_motion_of_one_in_the_scene(tmp_path, heading):
     """The committed table goes from 0 to 360 deg and has no heading."""
@@ -503,6 +505,7 @@ def test_a_drawing_makes_the_cam_that_it_shows(tmp_path):
     assert (ends.least.value, ends.greatest.value) == pytest.approx(right, rel=1e-9)
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize(('law', 'said'), [
     ({'file': 'lift.csv'}, 'a unit are radians: beside a file write units: [deg, mm]'),
     ({'file': 'lift.csv', 'units': 'deg'}, 'units must be a list of two names'),

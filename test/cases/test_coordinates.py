@@ -232,6 +232,7 @@ def test_a_drawing_of_a_drive_that_swings_is_that_of_its_first_time_at_an_angle(
         assert t == pytest.approx(math.pi * share, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_machine_with_clearance_between_limits_is_checked_drawn_and_run_within_them():
     """The limits are those of its links without clearance; a run beyond them is refused."""
     scene = scene_of('double_rocker')

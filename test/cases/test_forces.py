@@ -389,6 +389,7 @@ def test_spring_along_a_guide_goes_through_zero() -> None:
     balanced(solution)
 
 
+@pytest.mark.slow
 def test_springs_of_all_kinds_under_a_prescribed_motion() -> None:
     """The torque that a steady crank needs against them, in closed form."""
     points = {

@@ -118,6 +118,7 @@ def test_a_tangent_cam_begins_its_lift():
     assert first == pytest.approx(187.6, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_valve_raised_and_lowered_by_harmonic_motion():
     """Khurmi's exercise (mycoursehelp.com, 67124): 0.39, 0.78 m/s; 6.17, 24.67 m/s^2.
 
@@ -168,6 +169,7 @@ def test_a_motor_reaches_a_tenth_of_a_radian_a_second():
     assert late == pytest.approx(2.07, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_a_servo_leaves_the_error_that_its_gain_leaves():
     """The same tutorials, "PID controller design": m = 1, b = 10, k = 20, a step to 1.
 

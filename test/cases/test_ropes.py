@@ -375,6 +375,7 @@ def indexed_by_phases(brake, until):
     return pawl(until) + before(until, *known)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('brake', [0.05, 0.002])
 def test_a_ratchet_takes_a_braked_wheel_on_by_whole_teeth(brake):
     """Pawl and brake let go together where they stand still, or the wheel flies ahead."""
@@ -386,6 +387,7 @@ def test_a_ratchet_takes_a_braked_wheel_on_by_whole_teeth(brake):
     assert abs(solution.energy.residual) < 1e-13
 
 
+@pytest.mark.slow
 def test_a_ratchet_without_loss_bounces_to_the_standstill_of_its_pawl():
     """There the brake undoes bounces by less than places are known."""
     solution = indexed(0.05, 1.0)
@@ -558,6 +560,7 @@ def test_a_rope_that_is_straight_has_left_its_pulley():
         assert 0.99 < float(re.search(said, str(error.value))[1]) <= 1.05
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(('ring', 'at'), [([1.0, 0.0], 1.0), (None, 5.0)])
 def test_a_stretch_that_is_drawn_in_has_no_length(ring, at):
     """A drum of 100 mm that turns once a second winds a load up to a ring, or to itself."""

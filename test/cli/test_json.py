@@ -160,7 +160,7 @@ def run(capsys, files, name, args):
 
 
 @pytest.mark.network
-@pytest.mark.sample(6)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize('name', sorted(GOOD))
 def test_results_are_strict_json(capsys, files, name):
     code, said = run(capsys, files, name, GOOD[name])

@@ -68,7 +68,7 @@ def given(tmp_path_factory):
 
 
 @pytest.mark.network
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', WRITING)
 def test_a_full_disk_ends_in_a_sentence_and_leaves_nothing(capsys, given, tmp_path, name):
     args = [a.format(tmp_path / 'out', **given) for a in WRITING[name]]
@@ -115,6 +115,7 @@ CHECK = 'check', 'four_bar_nominal'
 FULL = 'the output cannot be written: No space left on device'
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('words', 'code', 'said'),
     [
@@ -165,6 +166,7 @@ def test_an_output_that_is_closed_is_nobodys(tmp_path, closed):
     assert json.loads(file.read_text(encoding='utf-8'))
 
 
+@pytest.mark.slow
 def test_an_output_without_umlauts_gets_them_written_out():
     plain = os.environ | {'PYTHONIOENCODING': 'ascii'}
     words = [sys.executable, '-m', 'mechanism_sim', *CHECK, '--set', 'title=Größe']

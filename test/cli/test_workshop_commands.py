@@ -175,6 +175,7 @@ def test_a_groove_for_a_swinging_roller(clearance, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_gears_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
     pytest.importorskip('ezdxf')
     file = tmp_path / 'gears.dxf'

@@ -44,6 +44,7 @@ QUICK = {'follows', 'ideal', 'motor'}
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     'name', [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
 )

@@ -38,6 +38,7 @@ def _scene(known: LooseFourBar) -> ms.Machine:
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ('kind', 'names'),
     [
@@ -130,6 +131,7 @@ def test_impacts_at_one_instant_that_do_not_feel_each_other_have_their_own_deriv
     assert alone['b'].final['b'] == pytest.approx(final, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_impacts_at_one_instant_whose_order_matters_end_the_derivatives() -> None:
     joined = TWO.replace(
         '  pb:', '  ac: {revolute: [a.end, c]}\n  cb: {revolute: [c.end, b.end]}\n  pb:'

@@ -129,6 +129,7 @@ def test_a_branch_is_followed_with_states_of_first_order() -> None:
         assert np.abs(point.multipliers) == pytest.approx(decays, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_multipliers_are_known_to_their_last_digits() -> None:
     machine = ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm'})
     response = find_periodic(machine)
@@ -151,6 +152,7 @@ def test_a_filter_that_only_listens_adds_its_decay_to_the_multipliers() -> None:
     assert np.abs(heard.multipliers) == pytest.approx(expected, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_fixed_points_move_with_keys_as_those_of_other_machines() -> None:
     values = {'drive.speed': (480.0 * np.pi / 30.0, 1e-3), f'{PLAY}.radial': (0.254e-3, 1e-10)}
     machine = ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm'})

@@ -442,6 +442,7 @@ def test_catapult_has_the_speed_that_its_energy_allows():
     assert 0.6 * abs(w[-1]) == pytest.approx(21.4, abs=0.1)
 
 
+@pytest.mark.slow
 def test_engine_turns_as_one_equation_of_its_crank_says():
     """The slider-crank as one degree of freedom, d/dt of its energy, by SciPy."""
     r2, r3, h = 0.025, 0.1, 1e-5

@@ -39,6 +39,7 @@ def written(folder: Path, text: str) -> str:
     return str(file)
 
 
+@pytest.mark.slow
 def test_every_scene_is_once_in_the_gallery_with_its_picture():
     text = gallery.gallery()
     listed = [name for names in gallery.SECTIONS.values() for name in names]
@@ -142,6 +143,7 @@ def test_the_example_is_a_scene_that_runs(tmp_path):
     assert abs(solution.energy.residual) < 1e-9 * solution.energy.drive_work
 
 
+@pytest.mark.slow
 def test_the_ten_links_without_masses_move_alike(tmp_path):
     """As the steps of the page make them: kinematic, with four loops."""
     steps = yaml.safe_load((DOCS.parent / 'config/ten_links.yaml').read_text('utf-8'))

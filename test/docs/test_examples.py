@@ -25,6 +25,7 @@ SLOW = {'branches', 'find_four_bars', 'life', 'sweep', 'lyapunov'}
 """Of what test/studies tries on lighter machines."""
 
 
+@pytest.mark.sample(16)
 @pytest.mark.parametrize(
     'name', [pytest.param(x, marks=[pytest.mark.slow] * (x in SLOW)) for x in FUNCTIONS]
 )

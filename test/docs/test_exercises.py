@@ -94,6 +94,7 @@ def test_a_larger_base_circle_has_a_smaller_pressure_angle(curve):
     assert seen == sorted(seen, reverse=True)
 
 
+@pytest.mark.slow
 def test_trains():
     """[V] 5.11 to 5.14, by the linear equations of all meshes."""
     sun = turn('planetary')['velocity.sun'][0]

@@ -120,6 +120,7 @@ def test_strokes_jaws_and_wipers():
     assert math.degrees(found) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_inverted_slider_cranks():
     """Problems 2.1 and 2.2 by the law of cosines, 2.3 and 2.13 by the angle of the pin."""
     machine = new_scene(PAGE, 'cylinder_given')
@@ -167,6 +168,7 @@ def test_a_point_beside_the_rod_of_a_slider_crank():
     assert found.extremes()['position.rod'].greatest.value == pytest.approx(math.asin(0.25))
 
 
+@pytest.mark.slow
 def test_angles_of_rocking_and_time_ratios():
     """Problems 2.7, 2.12, 2.17."""
     machine = ms.load_scene('four_bar_crank_rocker', {'links.crank.length': 0.0410038588582})
@@ -246,6 +248,7 @@ def test_a_given_moment_and_the_resistance_do_what_energy_takes(name):
         )
 
 
+@pytest.mark.slow
 def test_forces_of_links_without_mass():
     """Problems 3.1 to 3.5, 3.7, and [V] 3.25, 3.30 with the page's number."""
     light = new_scene(PAGE, 'light')

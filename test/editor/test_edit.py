@@ -439,6 +439,7 @@ def test_tools_come_from_the_kinds_and_no_two_have_a_name_or_a_key_in_common():
     assert not {tool.key for tool in tools} & {'V', 'T', 'X', 'F'}  # of the hand, and to fit
 
 
+@pytest.mark.slow
 def test_gears_belts_and_racks_roll_as_their_radii_say():
     q = drawn(
         Page(), ('gears', (0.0, 0.0, ''), (0.06, 0.0, '')),
@@ -460,6 +461,7 @@ def test_gears_belts_and_racks_roll_as_their_radii_say():
     assert sun['wheel_1'] == pytest.approx(1.5 * sun['link_1'])
 
 
+@pytest.mark.slow
 def test_cams_rise_and_geneva_wheels_and_yokes_move_as_drawn():
     slides = drawn(Page(), ('cam', (0.0, 0.0, ''), (0.0, 0.06, '')))['follower_1']
     assert slides.max() == pytest.approx(0.015, abs=1e-9)  # a quarter of 60 mm
@@ -512,6 +514,7 @@ def test_a_block_slides_on_a_link_and_a_pin_becomes_its_pin():
     assert along == pytest.approx(0.05, abs=1e-9)  # it stays on its rail
 
 
+@pytest.mark.slow
 def test_forces_and_sensors_are_put_on_links_and_leave_with_them():
     page = four_bar()
     page.draw('force', (0.075, 0.11, 'link_2.p1'), (0.075, 0.061, ''))

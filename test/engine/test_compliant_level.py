@@ -408,6 +408,7 @@ def test_level_refusals_and_command_line():
 FILM = {'law': 'film', 'viscosity': 0.03, 'width': 0.02, 'radius': 0.01}
 
 
+@pytest.mark.slow
 def test_a_film_carries_the_forces_of_the_ideal_mechanism():
     overrides = {f'{CLEARANCE}.contact': FILM, f'{CLEARANCE}.radial': 1e-4}
     solution = ms.simulate(ms.load_scene('four_bar_clearance', overrides), revolutions=0.6)

@@ -360,6 +360,7 @@ def test_modes_become_flags():
     assert np.isnan(flags.reshape(4, 6)[:, 3]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('plain_kernels')
 def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(compiled_kernels):
     scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})

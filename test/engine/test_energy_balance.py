@@ -183,7 +183,7 @@ def test_the_command_says_error_and_what_was_exchanged(capsys):
     assert 0.0 <= energy['error'] <= TOLERANCES.audit.promised * energy['exchanged']
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     'name', ['four_bar_clearance', 'four_bar_nominal', 'toggle_press', 'andrews_squeezer']
 )

@@ -686,6 +686,7 @@ def six_bar(coupled, e):
     return run, DynamicPhysics(Observer(system))
 
 
+@pytest.mark.slow
 def test_two_loose_loops_on_one_crank_do_not_know_of_each_other():
     """All of their impacts are simultaneous, and each is that of the four-bar alone."""
     run, physics = six_bar(coupled=False, e=(0.5, 0.5))
@@ -710,7 +711,7 @@ def test_two_loose_loops_on_one_crank_do_not_know_of_each_other():
     assert abs(audited(physics, motion, impacts).energy.residual) < 1e-12
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('e', [(1.0, 1.0), (0.5, 0.5), (0.0, 0.8), (0.9, 0.2), (0.0, 0.0)])
 def test_two_gaps_that_shake_each_other_keep_the_energy_and_their_distance(e):
     run, physics = six_bar(coupled=True, e=e)
@@ -830,6 +831,7 @@ def test_a_crank_at_rest_lets_the_pin_come_to_rest_on_the_bushing():
     assert s.sample(0.0)[names[0]] == s.sample(2.0)[names[0]]
 
 
+@pytest.mark.slow
 def test_each_change_of_mode_goes_on_from_the_one_before():
     """Also where a load that steps lets contacts give way: these were entered twice."""
     solution = ms.simulate(

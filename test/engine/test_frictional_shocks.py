@@ -90,6 +90,7 @@ def _balanced(solution: ms.Solution) -> bool:
     return bool(abs(energy.residual) < 1e-9 * exchanged)
 
 
+@pytest.mark.slow
 def test_sliding_that_jams_at_a_finite_force_is_stopped():
     """At a Genot-Brogliato point the force is 0/0: beyond it, contacts pulled with -9 kN."""
     overrides = {

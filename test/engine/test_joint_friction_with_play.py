@@ -209,6 +209,7 @@ def yoke(radial, **keys):
     return ms.simulate(made(scene, 'yoke'), revolutions=1.0)
 
 
+@pytest.mark.slow
 def test_a_tight_slot_is_the_limit_of_a_loose_one():
     tight = yoke(0.0).energy.dissipated
     off = [yoke(radial).energy.dissipated / tight - 1.0 for radial in (1e-3, 1e-4, 1e-5)]
@@ -337,6 +338,7 @@ def test_a_wall_without_friction_beside_contacts_that_rub_is_the_limit_of_one_wi
         assert places[0][name] == pytest.approx(places[1][name], abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_side_that_turns_over_quickly_does_not_spoil_the_series_of_what_slides():
     """A pin rolls in its bushing: what presses in the guide goes through zero within 1e-8 s.
 

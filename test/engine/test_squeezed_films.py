@@ -75,6 +75,7 @@ def test_a_squeezed_film_turns_back_as_by_quadrature_and_arcs(axis, contact):
     assert abs(run.energy.residual) <= 1e-10 * run.energy.exchanged
 
 
+@pytest.mark.slow
 def test_a_journal_that_slides_back_along_its_wall_in_supplied_oil_keeps_its_energy():
     """A case of the grid: a supply of next to nothing, where 2e-7 of the energy was missing."""
     oil = {

@@ -60,6 +60,7 @@ def test_what_begins_near_a_root_must_not_end_near_one():
     assert stays(jets, 0, shut, np.zeros(1), 1.0, scaled)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.usefixtures('plain_kernels')
 @pytest.mark.parametrize(
     'scene', ['four_bar_governed', 'gear_four_bar', pytest.param('watched_compressor', marks=SLOW)]

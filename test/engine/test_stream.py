@@ -73,6 +73,7 @@ def test_pieces_joined_are_the_solution(whole, stream, pieces):
     assert digest.hexdigest() == whole.digest()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('pieces')
 def test_totals_are_those_of_the_lists(whole, stream):
     totals = stream.totals

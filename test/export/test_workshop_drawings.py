@@ -195,6 +195,7 @@ def test_a_cam_of_a_scene_is_drawn_as_it_is_on_its_link(sense):
     assert rows['contact.y'] == pytest.approx(y + radii * np.sin(at), abs=1e-12)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('name', 'sense'),
     [

@@ -42,7 +42,7 @@ CASES = [c for name, count in SAMPLE.items() for c in grid(only=[name])[:count]]
 CASES += grid(only=ONCE)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     'case',
     [pytest.param(c, marks=[pytest.mark.slow] * (k % 2), id=c.name) for k, c in enumerate(CASES)],

@@ -198,6 +198,7 @@ def test_a_clone_of_a_link_is_a_link(tmp_path):
     assert len(found['joints']) == 2
 
 
+@pytest.mark.slow
 def test_clones_that_cannot_be_drawn_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"the clone of '#nut' has no original in the drawing"):
         arm(tmp_path, PARALLELOGRAM + '<use href="#nut"/>')

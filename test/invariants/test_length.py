@@ -111,6 +111,7 @@ def quick_and_deep(names):
 BOUNDED = *IDEAL, 'four_bar_clearance', 'valve_train', 'gear_rattle'
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ('name', 'count'),
     [

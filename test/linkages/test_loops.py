@@ -190,6 +190,7 @@ def test_no_link_that_swings_is_said_to_turn_and_no_toggle_is_warned_of(scene):
     assert 'hard to move' not in notes.replace('hard to move, or presses hard, as in a toggle', '')
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('scene', ['four_bar_nominal', 'quick_return'])
 def test_a_slow_turn_has_a_bounded_number_of_pieces(scene):
     """A piece was a tenth of a second at most: a turn a day did not end."""

@@ -44,7 +44,7 @@ def bits(*motions):
     ]
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(9)
 @pytest.mark.parametrize('scene', [*SCENES, *VARIED])
 def test_pieces_do_not_depend_on_how_a_run_is_advanced_or_taken_up(scene):
     machine = ms.load_scene('slider_crank' if scene in VARIED else scene, VARIED.get(scene))
@@ -124,6 +124,7 @@ def test_a_load_a_thousandth_of_a_turn_wide_works_alike_in_every_turn():
     assert np.diff(ends) == pytest.approx(force * (before - after), rel=1e-9)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('loads', ['none', 'two turns', 'time', 'slow'])
 def test_closures_are_solved_in_the_first_turn_only(loads, monkeypatch):
     solved, follow = [], LinkageMotion.follow

@@ -124,6 +124,7 @@ def test_who_has_not_read_all_is_named_at_the_end(joined, monkeypatch, caplog):
     assert said == 'waiting for /collector to read all that was published'
 
 
+@pytest.mark.slow
 def test_a_program_on_plain_zenoh_that_answers_is_waited_for(joined):
     """By the question that topics.md gives; without it nobody would know of the program."""
     node, asked = Node('here'), []

@@ -72,6 +72,7 @@ def test_without_ros_the_back_end_is_zenoh(network):
     assert middleware.backend() == 'zenoh'
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_processes_that_talk_to_each_other(network, number):
     talkers = [network.start(TALK, name) for name in 'abc']

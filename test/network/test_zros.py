@@ -491,6 +491,7 @@ def test_a_rate_is_printed_each_second_and_kept_at_a_signal(
 FULL = 'the output cannot be written: No space left on device'
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('words', 'code', 'said'),
     [
@@ -600,6 +601,7 @@ def test_a_dump_of_parameters_is_read_as_a_file_of_them(tmp_path, capsys):
     assert dict(read_parameters(str(file))) == {'/ns/arm': values}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('network')
 def test_nodes_without_services_for_parameters_do_not_end_a_list_of_all():
     """As those of listeners to frames, which RViz and many drivers have beside their own."""
@@ -615,6 +617,7 @@ def test_nodes_without_services_for_parameters_do_not_end_a_list_of_all():
             made.destroy_node()
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(
     ('value', 'said'),
     [

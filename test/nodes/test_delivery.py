@@ -230,6 +230,7 @@ with process_exit.working():
 """
 
 
+@pytest.mark.slow
 def test_a_subscriber_that_does_not_read_is_named_and_the_run_can_be_ended(tmp_path):
     """One line after two seconds says which topic waits for which node; SIGINT ends the run."""
     env = environment()

@@ -156,8 +156,8 @@ def test_markers_are_what_viewers_accept(shown):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.network
-@pytest.mark.sample(1)
 def test_arrows_are_the_reactions_of_the_same_run(shown):
     """By their messages: length and direction, and that they start where the force acts."""
     machine, mechanism = shown.machine, shown.machine.mechanism
@@ -260,6 +260,7 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
     assert seen.plays
 
 
+@pytest.mark.slow
 def test_a_block_with_play_is_where_its_corners_are_and_leans_as_they_do():
     """By the gaps that the solution has; as a marker, a corner that touches is at its wall."""
     machine = ms.load_scene('slider_with_play', {'links.slider.cog': ['15 mm', '10 mm']})

@@ -92,6 +92,7 @@ def test_every_drive_moves_the_nodes_as_it_moves_the_solution(tmp_path, name):
     assert max(law.law_id for law in laws) == (2 if name == 'profile' else 1)
 
 
+@pytest.mark.slow
 def test_the_digest_tells_different_runs_apart(solved):
     other = run_json('solve', SCENE, '--revolutions', TURNS, '--rtol', '1e-11')
     assert other['digest'] != solved['digest']

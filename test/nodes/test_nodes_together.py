@@ -139,6 +139,7 @@ def test_a_subscriber_that_is_slower_than_a_whole_run_loses_nothing():
         listener.destroy_node()
 
 
+@pytest.mark.slow
 def test_what_nobody_hears_is_counted_but_not_made(monkeypatch, tmp_path):
     """A run counts the same messages with a recorder and without."""
     made, counts, write = [], [], publications.SampleTopic
@@ -167,6 +168,7 @@ def test_a_partner_that_leaves_is_named(monkeypatch):
             spin([nodes['linkage']], lambda: False)
 
 
+@pytest.mark.slow
 def test_parameters_that_list_texts_are_arrays_or_one_text(tmp_path):
     values = ['drive.speed=300 rpm', 'start=centred']
     more = {'scene': SCENE, 'duration': 0.02, 'overrides': values}
@@ -225,6 +227,7 @@ def test_a_process_that_was_killed_is_named(capsys):
     assert "'recorder' was killed by signal 9" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_two_runs_on_one_network_are_kept_apart(tmp_path):
     """The second one ends, and the first one moves as if it had been alone."""
     bag = tmp_path / 'run.mcap'
@@ -507,6 +510,7 @@ async def _nothing() -> None:
     """A drive that need not follow."""
 
 
+@pytest.mark.slow
 def test_a_controller_that_commands_what_is_no_number_is_not_heeded(capsys):
     """The run waits for a command, and the controller that gives one gets its digits."""
     controller, speed = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
@@ -594,6 +598,7 @@ def test_who_waits_for_a_command_on_a_state_that_does_not_come_says_why(monkeypa
         controller.destroy_node()
 
 
+@pytest.mark.slow
 def test_commands_that_come_faster_than_periods_are_said_once(capsys):
     controller = Commander('hasty', 0)
     try:
@@ -639,6 +644,7 @@ class Component(Node):
         self.command.publish(JointState(name=self.state.name, effort=[effort]))
 
 
+@pytest.mark.slow
 def test_a_controller_manager_commands_each_sample_as_by_hand(monkeypatch):
     """Its time goes on by one period for each sample, from its first command that moves."""
     monkeypatch.setattr(control_relay, 'PATIENCE', 0.1)
@@ -654,6 +660,7 @@ def test_a_controller_manager_commands_each_sample_as_by_hand(monkeypatch):
         component.destroy_node()
 
 
+@pytest.mark.slow
 def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_states(network):
     text = FOREIGN % (network.settings['MECHANISM_SIM_ROUTER'], network.settings['ROS_DOMAIN_ID'])
     with nodes_of(SCENE, 1e5, realtime_factor=1.0) as nodes:
@@ -667,6 +674,7 @@ def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_state
         assert abs(position[0] - 36.6519 * t) < 1e-7
 
 
+@pytest.mark.slow
 def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
     bag = tmp_path / 'run.mcap'
     with nodes_of('four_bar_nominal', 0.05, record=bag) as nodes:
@@ -709,6 +717,7 @@ def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
     assert told[0] == told[1]
 
 
+@pytest.mark.slow
 def test_blocks_are_those_of_the_channel_and_an_inertial_unit_knows_its_attitude(tmp_path):
     bag, imu = tmp_path / 'run.mcap', ('sensors.rocker.imu=true',)
     with nodes_of('four_bar_measured', 0.2, record=bag, overrides=imu) as nodes:
@@ -839,6 +848,7 @@ def test_closed_forms_are_published_alike_however_short_the_law_is_known(
     np.testing.assert_allclose(*told, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ('names', 'said'),
     [

@@ -42,6 +42,7 @@ SCENES = {
 QUICK = {'four_bar_clearance'}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'name', [pytest.param(n, marks=[pytest.mark.slow] * (n not in QUICK)) for n in SCENES]
 )

@@ -300,6 +300,7 @@ def test_sliders_move_the_machine_in_a_browser(browser, file, tmp_path, width, h
     context.close()
 
 
+@pytest.mark.slow
 def test_a_slider_that_has_the_focus_has_its_keys(tab, file):
     """Home and End are its own, its text is the value with which the page computes."""
     page = tab.page

@@ -207,6 +207,7 @@ def test_long_work_shows_its_progress_in_a_notebook_only(monkeypatch):
     assert shown[-1].data == ''
 
 
+@pytest.mark.slow
 def test_values_and_overrides_to_explore_are_of_any_form():
     """Generators and arrays; a list of overrides as for `load_scene`."""
     crank = 'slider_crank', 'drive.speed'

@@ -299,6 +299,7 @@ def test_the_command_makes_pages_of_bags_and_scenes(loose, tmp_path, monkeypatch
     assert (done.returncode, done.stdout) == (0, 'yoke.html\n'), done.stderr
 
 
+@pytest.mark.slow
 def test_one_of_several_machines_is_chosen_by_its_namespace(loose, tmp_path, monkeypatch):
     monkeypatch.setattr(charts, 'sections', lambda _: [])
     several = write_bag(tmp_path / 'one.mcap', loose, ('/left', '/right'))
@@ -311,6 +312,7 @@ def test_one_of_several_machines_is_chosen_by_its_namespace(loose, tmp_path, mon
     assert '/right' in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_bag_that_was_cut_short_says_so_on_its_page(loose, tmp_path):
     bag = write_bag(tmp_path / 'cut.mcap', loose)
     whole = bag.read_bytes()
@@ -321,6 +323,7 @@ def test_a_bag_that_was_cut_short_says_so_on_its_page(loose, tmp_path):
     assert 'cut.mcap, cut short' in (tmp_path / 'cut.html').read_text('utf-8')
 
 
+@pytest.mark.slow
 def test_a_folder_with_the_name_of_a_scene_does_not_hide_it(tmp_path, monkeypatch):
     """As `animate punch -o punch` makes one."""
     monkeypatch.chdir(tmp_path)
@@ -363,6 +366,7 @@ def test_a_part_outside_of_the_run_is_refused(loose):
         loose.between(-1.0, 0.1)
 
 
+@pytest.mark.slow
 def test_measures_of_a_part_of_a_run_know_what_came_before(tmp_path):
     """Filters of a sensor remember: a part is measured as it is in the whole run."""
     asked = 'rms(sensors.rocker_accelerometer)', 'count(impacts)'

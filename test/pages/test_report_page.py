@@ -124,6 +124,7 @@ def test_it_plays_and_stops(opened):
     assert opened.get_attribute('#scrub', 'aria-valuetext') == said
 
 
+@pytest.mark.slow
 def test_it_plays_in_a_cell_of_a_notebook(browser, tmp_path):
     machine = ms.load_scene('four_bar_clearance')
     player = ms.play(machine, ms.simulate(machine, duration=0.1), end=0.08)
@@ -206,6 +207,7 @@ def test_arrows_are_the_forces_of_the_run(opened, record):
     assert boxes(opened, '#stage .forces path') == []
 
 
+@pytest.mark.slow
 def test_a_click_on_an_impact_goes_there(opened, record):
     chart = next(c.key for s in sections(record) for c in s.charts if c.key == 'impacts-run')
     place = opened.locator(f'[data-chart="{chart}"] .plot')
@@ -266,6 +268,7 @@ def chart_over(page, axis):
     return place
 
 
+@pytest.mark.slow
 def test_the_machine_stays_beside_its_charts_and_follows_the_pointer(opened):
     """It is in sight however far down one reads; hovering over a curve takes it there."""
     chart_over(opened, 'time')
@@ -389,6 +392,7 @@ def test_long_names_of_runs_go_on_a_phone(tab, tmp_path):
     assert tab.complaints == []
 
 
+@pytest.mark.slow
 def test_no_number_of_a_table_is_cut_in_two(tab, tmp_path, record):
     often = '99.9 % of the time at most'
     table = (
@@ -416,6 +420,7 @@ def test_no_number_of_a_table_is_cut_in_two(tab, tmp_path, record):
     assert lines == [True] * 14
 
 
+@pytest.mark.slow
 def test_no_pin_is_drawn_beyond_its_wall(tab, tmp_path, record, monkeypatch):
     """Also where cubics through few instants go there."""
     monkeypatch.setattr(module, 'MOST', 60)

@@ -497,6 +497,7 @@ def test_a_page_says_that_its_view_has_ended(tab):
     assert not tab.page.get_by_text('This page waits').is_visible()
 
 
+@pytest.mark.slow
 def test_a_page_shows_nothing_of_a_machine_before_it_knows_where_it_is(acted):
     run = acted(SCENE, 0.1)
     links = run.page.locator('#stage .machine')

@@ -334,6 +334,7 @@ def places(machine, solution, t):
     return np.concatenate([found[:5], elongations(machine) @ found[5:]])
 
 
+@pytest.mark.slow
 def test_the_flexible_slider_crank_moves_by_its_own_matrices():
     """Simeon's discretisation, written out by hand and integrated by another method."""
     machine = stretching()
@@ -497,6 +498,7 @@ def test_a_mass_alone_lies_evenly_along_the_link():
     assert not machine.rigid.mechanism.having(Beam)
 
 
+@pytest.mark.slow
 def test_a_stiff_link_moves_as_a_rigid_one():
     """Mass, centre of gravity and inertia are those of the rigid link; 1/E^2 is what bends it."""
     rigid = ms.simulate(ms.load_scene('four_bar_nominal'), revolutions=0.3)

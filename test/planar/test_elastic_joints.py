@@ -172,6 +172,7 @@ def moving_mass(beam, until, start=0.2, m=3.0, J=0.0):
     return solve_ivp(rates, (0.0, until), y, 'DOP853', rtol=1e-12, atol=1e-14).y[: n + 1, -1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('joint', 'J', 'functions'),
     [

@@ -294,6 +294,7 @@ def test_a_compressor_by_the_equations_of_its_links():
         assert cycle['reaction.ground_piston.moment'][k] == pytest.approx(z[7], abs=1e-7)
 
 
+@pytest.mark.slow
 def test_the_losses_are_what_the_drives_do_more():
     cycle = ms.cycle(ms.load_scene('rubbing_compressor'))
     ideal = variant('rubbing_compressor', {})
@@ -430,7 +431,7 @@ def rubbing(name, joint, **friction):
     return made(scene, name)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ('name', 'pin'),
     [
@@ -453,6 +454,7 @@ def test_followers_rub_where_they_touch(name, pin):
     assert lost.max() > 1e-5
 
 
+@pytest.mark.slow
 def test_a_roller_rubs_on_that_wall_of_its_groove_that_it_presses():
     """The groove is between two circles about the cam's middle; forces by sines and cosines."""
     mu, e, roller, pin = 0.2, 0.01, 0.008, 2e-3
@@ -501,6 +503,7 @@ def test_a_rack_rubs_alike_in_every_slot():
     assert (np.abs(along[-50:]) > 0.01).any()
 
 
+@pytest.mark.slow
 def test_a_geneva_wheel_rubs_while_its_pin_is_in_a_slot():
     """The pin slides along the slot as its distance from the wheel's centre changes."""
     mu, r, d = 0.1, 0.05, 0.05 * math.sqrt(2.0)

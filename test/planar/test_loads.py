@@ -161,6 +161,7 @@ def test_another_number_in_a_formula_compiles_nothing_anew():
     assert compilations() > cube > misses[1]  # exponents shape the expression
 
 
+@pytest.mark.slow
 def test_a_formula_may_have_units_and_pi():
     """The same load, written in three ways."""
     texts = (

@@ -139,6 +139,7 @@ def test_forces_without_a_limit_are_named_and_left_out(tmp_path):
     assert 'tend to infinity' in said
 
 
+@pytest.mark.slow
 def test_solve_at_whole_and_half_turns(tmp_path):
     file = tmp_path / 'bars.yaml'
     file.write_text(json.dumps(parallelogram(0.0)))

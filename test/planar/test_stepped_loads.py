@@ -409,6 +409,7 @@ def test_what_is_wrong_with_tables_formulas_and_motors_is_said(key, value, found
         ms.load_scene('slider_crank', {key: value})
 
 
+@pytest.mark.slow
 def test_what_holds_two_rates_at_once_is_shown_as_it_acts():
     """What holds the crank turns the piston: iteration for the one and the other never ends."""
     machine = ms.load_scene('slider_crank', {

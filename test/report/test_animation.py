@@ -170,6 +170,7 @@ def test_a_gif_goes_on_and_on_in_plain_colours(tmp_path):
     assert np.abs(shown[0] - shown[-1]).mean() < np.abs(shown[0] - shown[len(shown) // 2]).mean()
 
 
+@pytest.mark.slow
 def test_a_bag_is_shown_as_it_was_recorded(machine, solution, tmp_path):
     """Read from the bag: the same frames as from memory."""
     bag = write_bag(tmp_path / 'run.mcap', simulated('four_bar_clearance', revolutions=2))

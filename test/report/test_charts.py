@@ -159,6 +159,7 @@ def test_forces_are_vectors_in_the_world(loose, charts):
     assert np.quantile(np.abs(force - expected), 0.99) < 1e-4 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 def test_extremes_of_a_long_run_are_in_its_charts(loose, charts):
     dense = {}
     for t in np.array_split(np.linspace(loose.start, loose.end, 100_000), 10):
@@ -216,6 +217,7 @@ def test_there_is_a_stem_for_every_impact(loose, charts):
         assert c.y == pytest.approx([1e3 * i.normal_impulse for i in struck], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_is_looked_at_in_blocks_that_do_not_grow_with_it(monkeypatch):
     """Of places, for long segments have many; the lines are those of any other blocks."""
     record, found = simulated('slider_crank', revolutions=12), []
@@ -322,6 +324,7 @@ def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
     assert line.values == pytest.approx(frame(line.at).position[1], rel=1e-9, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_a_cam_and_a_gear_show_lift_off_and_backlash():
     charts = charts_of(sections(simulated('valve_train', revolutions=2.5)))
     (law,), (follower,) = (

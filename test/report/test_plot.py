@@ -75,6 +75,7 @@ def test_lines_are_the_messages_that_others_read(bag):
     assert words == ['gaps [mm]', 'normal forces [N]']
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_filters_choose_messages_and_items_of_arrays(bag):
     (hard, place), words = drawn(
@@ -343,6 +344,7 @@ def test_what_is_no_path_is_none(text):
     assert parse(text) is None
 
 
+@pytest.mark.slow
 def test_an_overview_of_a_solution(solution):
     figure = solution.plot()
     words = [axes.get_ylabel() for axes in figure.axes]

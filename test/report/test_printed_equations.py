@@ -497,6 +497,7 @@ def test_motion_that_is_solved_fulfils_the_printed_equations(variant):
     np.testing.assert_allclose(sides[:, 0], sides[:, 1], rtol=1e-11, atol=1e-11 * scale)
 
 
+@pytest.mark.slow
 def test_forces_of_a_compliant_contact_are_the_printed_law_where_that_says_they_act():
     """In flight, pressing, and parting faster than the law presses: where it would pull."""
     machine = machine_of('parting')

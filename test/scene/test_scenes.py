@@ -423,6 +423,7 @@ def test_angles_and_rates_of_the_start_can_be_set_outright():
     assert seated.q == pytest.approx([1.030945894142804, 2.124939981241757], abs=1e-12)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('scene', ['toggle_press', 'thesis_complete'])
 def test_every_coordinate_that_check_lists_can_be_given_at_the_start(scene):
     """Those of links between loose joints, too: the seated start again, coordinate by coordinate.

@@ -188,6 +188,7 @@ PEAUCELLIER = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_rhombus_opens_where_folded_it_would_leave_links_loose() -> None:
     """Newton's method folds it from there; Peaucellier's inverts the circle to a line."""
     run = ms.simulate(made(PEAUCELLIER), duration=1.0)

@@ -54,6 +54,7 @@ def aside(gamma: float, by: float = 0.02) -> str:
     return pace.sub(lambda found: repr(float(found[0]) + by), ball(gamma))
 
 
+@pytest.mark.slow
 def test_what_dies_out_slowly_is_no_period_doubling():
     """Before the flip, a multiplier is nearly -1: turns alternate for long, and come together."""
     low, high = FLIP - 0.024, FLIP - 0.008

@@ -49,6 +49,7 @@ def swept():
     return plan.table(rows)
 
 
+@pytest.mark.slow
 def test_columns_units_and_figures_are_those_of_a_sweep(table):
     for column in swept():
         assert table.units[column.name] == column.unit

@@ -529,6 +529,7 @@ def test_a_search_that_was_killed_ends_in_the_same_bytes(tmp_path):
     assert len(journal.read_bytes().splitlines()) == len(lines)
 
 
+@pytest.mark.sample(9)
 @pytest.mark.parametrize(
     ('vary', 'how', 'said'),
     [
@@ -598,7 +599,7 @@ def test_the_optimum_of_a_press_is_that_of_a_grid():
         assert max(held) >= best * (1.0 - gap)
 
 
-@pytest.mark.sample(16)
+@pytest.mark.sample(15)
 @pytest.mark.parametrize(
     ('args', 'said'),
     [

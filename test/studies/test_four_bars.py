@@ -65,6 +65,7 @@ def test_five_positions_are_taken_exactly_by_the_linkage_they_are_of_and_by_othe
         assert min(one.transmission[0], math.pi - one.transmission[1]) >= math.radians(20.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('count', [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_fewer_positions_have_many_linkages(count):
     body = poses(EVENLY[:count])

@@ -166,7 +166,7 @@ def test_a_rigid_pin_sinks_under_a_constant_load_as_its_closed_form():
     assert ms.load_scene(found.scene(found.stages[-1])).scene.joints['bush'].clearance.profile
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('aside', [0.0, 0.024])
 @pytest.mark.parametrize('depth', [0.0, 3.4e-6])
 def test_wear_bears_the_load_where_it_points(aside, depth):
@@ -293,6 +293,7 @@ def test_what_has_no_life_is_refused(scene, until, said):
     assert said in str(error.value)
 
 
+@pytest.mark.slow
 def test_json_of_a_life_that_is_not_over(tmp_path):
     """No cycles, and how many are over at least."""
     file = tmp_path / 'wheel.yaml'

@@ -59,6 +59,7 @@ def test_a_force_over_time_needs_a_clock_whose_writing_is_shown():
     assert sum(found.values) == pytest.approx(-0.2, rel=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(('speed', 'e'), [(6.0, 0.8), (10.0, 0.9)])
 def test_exponents_of_gear_rattle_are_those_of_its_exact_map(speed, e):
     """Chaotic and not: over turns in which a chaotic motion still has most of its digits."""
@@ -204,6 +205,7 @@ def test_laws_of_other_drives_begin_again_with_every_turn_that_begins_anew():
         assert find_periodic(resting, transient=20).multipliers == ()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('crank', [2.8, 1.9])
 def test_loads_over_time_know_nothing_of_the_turns_of_a_crank(crank):
     """``x'' = -2 x - 0.3 x' + cos(1.4 t)`` beside a crank that is no more than a clock."""

@@ -88,6 +88,7 @@ def test_chaos_has_no_periodic_response():
     assert found is None or not found.stable
 
 
+@pytest.mark.slow
 def test_statistics_count_what_the_solution_counts():
     machine = loose(0.5, 'seated')
     found = statistics(machine, 24, 4)
@@ -284,6 +285,7 @@ def test_a_run_of_a_loose_machine_has_means_with_intervals():
     assert run_json('solve', 'four_bar_nominal', '--revolutions', '3')['per_revolution'] is None
 
 
+@pytest.mark.slow
 def test_measures_of_statistics_are_said_to_be_means_of_those_of_each_revolution():
     """A second route: windows of one run, turn by turn, and all turns at once."""
     machine = ms.load_scene('four_bar_clearance')

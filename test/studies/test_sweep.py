@@ -233,6 +233,7 @@ def row_of(machine, extent, bag=None):
     return compute(SweepTask('key', machine.name, machine.scene, extent, bag)).row
 
 
+@pytest.mark.slow
 def test_a_row_says_what_the_solution_says():
     """A second route: the whole motion kept in memory, and sampled."""
     machine = loose(0.5, 'seated')
@@ -270,6 +271,7 @@ def test_what_friction_takes_is_dissipated_too():
     assert solution.energy.dissipated > 1.1 * lost
 
 
+@pytest.mark.slow
 def test_a_row_and_the_study_agree_on_means_and_intervals():
     machine = loose(0.5, 'seated')
     row, found = row_of(machine, Extent(24, None, 4)), statistics(machine, 24, 4)

@@ -222,6 +222,7 @@ def test_main_effects_are_differences_of_means_and_shares_of_variance():
     assert [level.runs for level in a.levels] == [50] * 8
 
 
+@pytest.mark.slow
 def test_what_chance_shows_of_a_value_without_effect_is_said():
     """One of 20 designs shows more; of a grid, where all classes are alike, nothing is said."""
     shown = []

@@ -257,6 +257,7 @@ def test_points_that_leave_a_four_bar_open_give_the_same_one_at_every_call():
     assert np.abs(fit.linear(np.frombuffer(found.pop()))[2]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_curve_of_a_four_bar_is_found_again_with_its_cognates():
     """Roberts: three four-bars trace one curve, here turned, moved and reversed.
 

@@ -88,6 +88,7 @@ def test_turns_of_another_speed_end_at_other_instants():
     assert stack.enough
 
 
+@pytest.mark.slow
 def test_the_worst_ends_of_a_speed_are_those_of_whole_turns():
     """At a fixed end of time this mean falls with the speed; over whole turns it grows."""
     given = CRANK | {

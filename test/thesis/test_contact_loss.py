@@ -414,6 +414,7 @@ REALITY = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('rpm', 'radial', 'predicted', 'turns', 'degrees', 'away'),
     [

@@ -544,6 +544,7 @@ def test_a_motor_keeps_a_torsional_shaft_turning():
     assert sorted(seen, key=abs) == pytest.approx(sorted(least, key=abs), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_four_bar_that_a_torque_turns_settles_as_liouville_says():
     """The volume of a turn in angle and momentum shrinks by exp(-integral c/J dt)."""
     c = 0.01
@@ -859,6 +860,7 @@ def test_the_commands(tmp_path):
     assert (tmp_path / 'modes.png').stat().st_size > 1000
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(('ratio', 'count', 'told'), [
     (0.0, 201, True), (1e-4, 201, True), (0.02, 201, False), (2e-4, 40001, False),
 ])  # fmt: skip

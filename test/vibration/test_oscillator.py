@@ -320,6 +320,7 @@ def slider_crank(carrier, **more):
     return {**RIDING, 'links': links, 'joints': joints, **more}
 
 
+@pytest.mark.slow
 def test_a_heavy_frame_moves_as_if_it_did_not_move_the_machine(tmp_path):
     """Against the machine with the frame as a link of it: the difference falls with its mass."""
     differences = []
@@ -459,6 +460,7 @@ def test_an_ideal_sensor_on_a_frame_reads_its_acceleration():
         assert np.abs(samples[:250] - wanted).max() < 1e-9 * np.abs(wanted).max()
 
 
+@pytest.mark.slow
 def test_a_filter_behind_a_frame_hears_its_acceleration():
     """A filter in state space, driven by the frame's own acceleration."""
     sensor = {

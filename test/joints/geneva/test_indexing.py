@@ -135,6 +135,7 @@ def test_a_wheel_with_play_rattles_between_its_walls_and_the_ideal_one_comes_bac
     assert off[2] < 0.11 * off[1]
 
 
+@pytest.mark.slow
 def test_impacts_of_the_wheel_obey_newtons_law_of_restitution():
     solution = ms.simulate(play(1e-4, 0.4), revolutions=1)
     bounces = [i for i in solution.impacts if not i.ends_chatter]

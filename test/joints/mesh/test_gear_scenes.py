@@ -249,6 +249,7 @@ ERRORS = {'amplitude': '20 um', 'order': 2, 'eccentricity': ['10 um', '15 um']}
 PLAY = {'joints.mesh.backlash': {'width': '0.1 mm', 'restitution': 0.4}}
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ('scene', 'overrides'),
     [
