@@ -98,7 +98,10 @@ class Physics(ABC):
         """
 
     def check_directions(self, motion: Motion) -> None:  # noqa: B027
-        """Refuse a motion in which ends of a spring meet, or a rope leaves a pulley."""
+        """Refuse a motion in which ends of a spring meet, or a rope leaves a pulley.
+
+        Without forces there is nothing to refuse.
+        """
 
     @property
     @abstractmethod

@@ -197,7 +197,8 @@ def test_drivers_that_cannot_turn_leave_the_states_where_they_are():
 @pytest.mark.parametrize(
     ('velocity', 'answered'), [([2.0], 3), ([float('nan')], 0), ([float('-inf')], 0), ([], 0)]
 )
-def test_rates_that_are_no_numbers_are_no_rates(velocity, answered, network):  # noqa: ARG001
+@pytest.mark.usefixtures('network')
+def test_rates_that_are_no_numbers_are_no_rates(velocity, answered):
     relay, panel, answers = LoopRelay(), Node('panel'), []
     panel.create_subscription(JointState, 'joint_states', answers.append, RESULTS)
     told = panel.create_publisher(JointState, 'driver_states', RESULTS)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from bags import assert_states_follow_from_motion, fields_of, messages_of
 from builders import digest_of
-from middleware_network import PATIENCE, Network, spin_until
+from middleware_network import PATIENCE, Network, joined, spin_until
 from operating import FOREIGN, by_hand
 from running import ROOT, start
 
@@ -39,7 +39,6 @@ from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.nodes import (
     commands,
     control_relay,
-    middleware,
     pace,
     partners,
     publications,
@@ -65,15 +64,10 @@ pytestmark = pytest.mark.usefixtures('network')
 
 
 @pytest.fixture
-def network(monkeypatch) -> Iterator[Network]:
+def network() -> Iterator[Network]:
     """This process on a network of its own, without what earlier runs have left on theirs."""
-    network = Network()
-    for name, value in network.settings.items():
-        monkeypatch.setenv(name, value)
-    middleware.init()
-    yield network
-    middleware.shutdown()
-    network.close()
+    with joined() as network:
+        yield network
 
 
 def spin(nodes: list[Node], condition: Callable[[], bool]) -> None:
