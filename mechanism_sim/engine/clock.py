@@ -6,12 +6,14 @@ ever sees the time since the last base and angles without their whole turns.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import fsum
 
+from mechanism_sim.numerics.kernels import kernel
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law, TorqueLaw
 
 
@@ -46,6 +48,31 @@ class Base:
         a, b = t.as_integer_ratio()
         n, d = self.time.as_integer_ratio()
         return (a * d - n * b) / (b * d)  # as fractions round it, but without reducing them
+
+
+@kernel
+def _two_sum(a: float, b: float) -> tuple[float, float]:
+    """Sum, and what it rounds away (Knuth)."""
+    s = a + b
+    t = s - a
+    return s, (a - (s - t)) + (b - t)
+
+
+@kernel
+def rounded_sum(high: float, low: float, tau: float) -> float:
+    """Sum as of `Base.at`, or not a number where that lies between two floats but for its end.
+
+    What the last addition rounds, and what was left out before, decide together only where the
+    former is half a unit in the last place.
+    """
+    upper, left = _two_sum(low, tau)
+    total, more = _two_sum(high, upper)
+    rest, lost = _two_sum(more, left)
+    rounded = total + rest
+    twice = 2.0 * (rest - (rounded - total))
+    if lost != 0.0 and twice != 0.0 and (rounded + twice) - rounded == twice:
+        return math.nan
+    return rounded
 
 
 def base_at(time: Fraction, laws: Sequence[Law], turns: Mapping[str, int]) -> Base:

@@ -22,14 +22,16 @@ from mechanism_sim.engine.contact.problem import (
 )
 from mechanism_sim.engine.dense_output import Status, floats
 from mechanism_sim.engine.event_stages import EventStages
-from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
+from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog, StopReason
 from mechanism_sim.engine.guards import force_scale
 from mechanism_sim.engine.present_state import PresentState, rate_of
+from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
+_STEPS = TOLERANCES.steps
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
@@ -44,11 +46,12 @@ class ContactState:
     rule : cut-off of Zeno chatter
     rtol : relative tolerance of a step
     speed : [m/s] reference speed of `rtol`
+    crowd : [s] time between events that are close to each other
 
     Attributes
     ----------
     modes, approach : mode of every gap; speeds of initial contact of compliant contacts [m/s]
-    run : arrays of the run, on which `contact.respond` resolves events
+    run, known : arrays on which `contact.respond` resolves events, by name and as arguments
     problem, arrays : as of the last `refresh`; only the flags `closed` are current
     impacts, changes : logs of the events since the last `drain`
     stages : kernels of the stages of events
@@ -56,7 +59,7 @@ class ContactState:
     """
 
     def __init__(
-        self, present: PresentState, rule: ChatterRule, rtol: float, speed: float
+        self, present: PresentState, rule: ChatterRule, rtol: float, speed: float, crowd: float
     ) -> None:
         system, gaps = present.system, present.system.gaps
         self.present, self.rule = present, rule
@@ -71,8 +74,8 @@ class ContactState:
         gravity = math.hypot(*system.mechanism.gravity)
         force = system.mechanism.total_mass * (gravity + speed**2 / size)
         self._cone_force = min(_CONTACTS.cone_force, _CONTACTS.cone_share * force)
-        known, self.run = self._arrays()
-        self.stages = EventStages(present, self.run, known, self.impacts, self.changes)
+        self.known, self.run = self._arrays(crowd)
+        self.stages = EventStages(present, self.run, self.known, self.impacts, self.changes)
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
         self._reals = floats(reals)
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
@@ -98,14 +101,14 @@ class ContactState:
         self._acts = bool(self._holding or system.parameters.sides)
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
-    def _arrays(self) -> tuple[tuple[Any, ...], respond.EventArrays]:
+    def _arrays(self, crowd: float) -> tuple[tuple[Any, ...], respond.EventArrays]:
         """Arrays on which events are resolved, without logs: flat, then by name."""
         system, present = self.present.system, self.present
         gaps, m, size = system.gaps, len(system.gaps), system.contact_layout.size
         cone = force_scale(system.mechanism) * self._cone_force
         least = max(_GUARDS.slip_scale * self.limits.still, cone)
         reals = [
-            0.0, math.inf, -least, system.rounding, *self.limits,
+            0.0, math.inf, -least, system.rounding, -math.inf, crowd, *self.limits,
             *(0.0 for _ in system.prescribed), *(g.restitution for g in gaps),
             *(g.friction for g in gaps),
         ]  # fmt: skip
@@ -142,14 +145,39 @@ class ContactState:
     def horizon(self, longest: float) -> None:
         self._reals[respond.HORIZON] = longest
 
+    @property
+    def counts(self) -> tuple[float, int, int]:
+        """Time [s] of the last event, number of those before it at its instant, and of all."""
+        n = self.stages.counters
+        return self._reals[respond.LAST], n[respond.SIMULTANEOUS], n[respond.EVENTS]
+
+    @counts.setter
+    def counts(self, counts: tuple[float, int, int]) -> None:
+        n = self.stages.counters
+        self._reals[respond.LAST], n[respond.SIMULTANEOUS], n[respond.EVENTS] = counts
+        n[respond.CROWDED] = 0
+
+    def count_event(self, t: float) -> int:
+        """Count an event at a time [s]; returns how many were before it at this instant.
+
+        Raises
+        ------
+        RunError
+            If too many follow each other.
+        """
+        n = self.stages.counters
+        respond.count(n, self._reals, t)
+        many = n[respond.SIMULTANEOUS] > _STEPS.simultaneous
+        if many or n[respond.CROWDED] > _STEPS.crowded:
+            raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
+        return n[respond.SIMULTANEOUS]
+
     def begin_event(self, t: float, earlier: int = 0) -> None:
         """Set the time of an event [s] in the arrays, and the number of those before it there.
 
         The rates of the drives at that time are set, too.
         """
-        self._reals[respond.TIME] = t
-        self.stages.counters[respond.ROUNDS] = 0
-        self.stages.counters[respond.AGAIN] = earlier
+        respond.begin(self.stages.counters, self._reals, t, earlier)
         laws, tau = self.present.base.laws, self.present.integrator.time
         for k, law in enumerate(laws, start=respond.DRIVES):
             self._reals[k] = rate_of(law, tau)

@@ -20,10 +20,12 @@ from mechanism_sim.engine.contact.respond import (
     DONE,
     FELL,
     GIVEN,
+    GUARD,
     JAMMED,
     RESTS,
     SHOCK,
     SLIPS,
+    STAGE,
     STRIKES,
     UNSOLVED,
     WATCHED,
@@ -56,8 +58,10 @@ class Contacts:
         self.state, self.present = state, state.present
         self.switching = Switching(state.present, state.problem)
         self._system = state.present.system
-        #: whether `contact.respond` resolves every event of this system
+        #: whether `contact.respond` resolves every event of this system, and friction in joints
+        #: has no part in it
         self._resolves_all = bool(state.run.counters[WATCHED])
+        self.alone = self._resolves_all and not self._system.dynamics.frictional_joints
 
     def change_restitution(self, joint: str, restitution: float) -> None:
         """Set the coefficient of restitution of all gaps of a joint; KeyError if it has none."""
@@ -140,6 +144,12 @@ class Contacts:
         self._respond(found, guard)
         if not self._resolves_all and len(self._system.guards) > 1:
             self._respond_to_missed()
+
+    def finish(self) -> None:
+        """Finish the event that a row of steps has resolved, or begun to."""
+        counters = self.state.stages.counters
+        self.state.adopt_modes()
+        self._go_on(counters[STAGE], counters[GUARD])
 
     def _respond_to_missed(self) -> None:
         self.state.begin_event(self.present.time)

@@ -285,13 +285,27 @@ class DenseOutput:
         self.lengths.append(h)
         self.provide()
 
-    def block(self, number: int) -> Array:
-        """A block of slots (`BLOCK`, width (order + 1)), which follow each other."""
-        return self._blocks[number].reshape(BLOCK, -1)
+    def add(self, taus: Array, lengths: Array, rows: Array) -> None:
+        """Enter n steps.
+
+        Parameters
+        ----------
+        taus, lengths : starts and lengths of these steps at least [s]
+        rows : (n, width (order + 1)) coefficients
+        """
+        first, done = len(self.lengths), 0
+        self.taus += taus[: len(rows)].tolist()
+        self.lengths += lengths[: len(rows)].tolist()
+        self.provide()
+        while done < len(rows):
+            number, at = divmod(first + done, BLOCK)
+            part = rows[done : done + BLOCK - at]
+            self._blocks[number].reshape(BLOCK, -1)[at : at + len(part)] = part
+            done += len(part)
 
     def provide(self) -> None:
         """Provide room for two more steps."""
-        if len(self.lengths) >= len(self.slots) - 1:
+        while len(self.lengths) >= len(self.slots) - 1:
             self.grow()
 
     def mark(self, base: Base, status: Status) -> None:

@@ -25,7 +25,7 @@ from mechanism_sim.engine.contact_state import ContactState
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.engine.drive_laws import DriveLaws
-from mechanism_sim.engine.events import Impacts, ModeChange, StopReason
+from mechanism_sim.engine.events import Impacts, ModeChange
 from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.present_state import PresentState
 from mechanism_sim.engine.singular import SingularPositions
@@ -33,7 +33,6 @@ from mechanism_sim.engine.snapshot import Snapshot, State
 from mechanism_sim.engine.system import System
 from mechanism_sim.engine.taylor_steps import PendingStep, TaylorSteps
 from mechanism_sim.engine.thin_films import FilmWatch
-from mechanism_sim.errors import RunError
 from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -57,7 +56,6 @@ class EventLoop:
 
     Attributes
     ----------
-    events : number of events since the start
     films : prediction of the remaining steps, shortened by thin films
     """
 
@@ -72,7 +70,7 @@ class EventLoop:
         compact: bool = False,
         fastest: float | None = None,
     ) -> None:
-        self._system, self.events = system, 0
+        self._system = system
         driven = [law.coefficients[1] for law in laws if isinstance(law, DriveLaw) and law.degree]
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
         known = [fastest] if fastest else driven or turning
@@ -87,7 +85,10 @@ class EventLoop:
         self._output = DenseOutput(system, self._ta.order)
         rule = ChatterRule(rtol, atol, system.mechanism.size, system.mechanism.reach)
         self._present = PresentState(system, self._ta, base_at(state.time, laws, turns))
-        self._gaps = ContactState(self._present, rule, rtol, fastest * system.mechanism.size)
+        self._gaps = ContactState(
+            self._present, rule, rtol, fastest * system.mechanism.size,
+            _STEPS.crowd * _STEPS.shortest * max_step,
+        )  # fmt: skip
         self._contacts = Contacts(self._gaps)
         near = width + 1 + len(system.guards)  # after the state, the constant, what guards watch
         self._singular = SingularPositions(system, self._integrators, self._contacts, near)
@@ -107,8 +108,6 @@ class EventLoop:
         )
         self._touches = Touches(system) if system.compliant else None
         self._pending: PendingStep | None = None
-        self._last_event = float('-inf')
-        self._simultaneous = self._crowded = 0
         self._begin(state)
 
     def _begin(self, state: State) -> None:
@@ -138,6 +137,11 @@ class EventLoop:
     def compile(self) -> None:
         """Compile all code that the run may need."""
         self._integrators.compile()
+
+    @property
+    def events(self) -> int:
+        """Number of events since the start."""
+        return self._gaps.counts[2]
 
     @property
     def steps(self) -> int:
@@ -233,10 +237,18 @@ class EventLoop:
             self._respond(step.guard, end)
         return end
 
-    def _respond(self, guard: int, tau: float) -> None:
-        """Handle the event at which a guard fell, at the end of the last step."""
+    def _respond(self, guard: int | None, tau: float) -> None:
+        """Handle the event at which a guard fell, at the end of the last step.
+
+        Of events that a row of steps has counted there is none: what is left of the last is done.
+        """
         self._ta.time = tau
-        self._contacts.handle(guard, self._count_event(tau), self._simultaneous)
+        if guard is None:
+            self._contacts.finish()
+        else:
+            earlier = self._gaps.count_event(t := self._present.base.at(tau))
+            self._integrators.expect(self.events)
+            self._contacts.handle(guard, t, earlier)
         self._ta.reset_cooldowns()
         if self._gaps.status is not self._marked:
             self._mark()
@@ -279,18 +291,6 @@ class EventLoop:
         self._marked = self._gaps.status
         self._output.mark(self._present.base, self._marked)
 
-    def _count_event(self, tau: float) -> float:
-        """Time [s] of an event at a local time."""
-        self.events += 1
-        t = self._present.base.at(tau)
-        self._integrators.expect(self.events)
-        self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
-        near = t - self._last_event <= _STEPS.crowd * _STEPS.shortest * self._steps.longest
-        self._crowded, self._last_event = self._crowded + 1 if near else 0, t
-        if self._simultaneous > _STEPS.simultaneous or self._crowded > _STEPS.crowded:
-            raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
-        return t
-
     # --- pauses -------------------------------------------------------------------------------
 
     @property
@@ -319,7 +319,7 @@ class EventLoop:
         self._pending = None
         turns = dict(zip(self._system.free, state.turns, strict=True))
         self._laws.count_from(state.time, turns)
-        self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
+        self._gaps.counts = -math.inf, 0, 0
         self._integrators.expect(0)
         self._gaps.impacts.count, self._gaps.horizon = 0, math.inf
         if self._touches:
@@ -339,6 +339,7 @@ class EventLoop:
             began = self._pending.origin
             state = self._ta.tc[:, 0] if began is None else began
         touches = self._touches.follow(self._output.motion())[0] if self._touches else ()
+        last, simultaneous, events = gaps.counts
         return Snapshot(
             '',
             self._present.base.time,
@@ -356,8 +357,8 @@ class EventLoop:
             self._laws.next_base,
             tuple(self._laws.laws),
             tuple(self._laws.coming),
-            self._last_event,
-            (self._simultaneous, self.events),
+            last,
+            (simultaneous, events),
             stride,
             self._contacts.switching.rubbing,
         )
@@ -381,8 +382,7 @@ class EventLoop:
         self._gaps.impacts.count = self._gaps.changes.count = 0
         self._pending = None
         laws.next_base = s.next_base
-        self._last_event = s.last_event
-        self._simultaneous, self.events = s.events
+        self._gaps.counts = s.last_event, *s.events
         self._integrators.expect(self.events)
         self._leave_singular(_SINGULAR.beside)
         self._go_on()

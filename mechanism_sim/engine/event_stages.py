@@ -13,8 +13,8 @@ from mechanism_sim.engine.present_state import PresentState
 from mechanism_sim.numerics.kernels import BoundCall, Kernel, foreign_code
 
 
-class _Response:
-    """Calls of a kernel of `contact.respond`: arrays stay where they are, but for the logs."""
+class Response:
+    """Calls of a kernel on the arrays of a run, which stay where they are, but for the logs."""
 
     def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
         self._kernel, self._known = kernel, known
@@ -46,6 +46,7 @@ class EventStages:
     Attributes
     ----------
     counters : counters of `run`, see `respond.STAGE`
+    addresses : of the machine code of functions, see `respond.resolve`
     fallen : guard of the last stage of an event
     changed : True if the last call changed any mode
     """
@@ -62,13 +63,13 @@ class EventStages:
         self._impacts, self._changes = impacts, changes
         self.counters: memoryview[int] = memoryview(cast(Any, run.counters))
         self.fallen, self.changed = respond.DONE, False
-        self._one, self._look = _Response(respond.respond, known), _Response(respond.look, known)
-        self._addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
+        self._one, self._look = Response(respond.respond, known), Response(respond.look, known)
+        self.addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
         self._codes: list[Any] = []  # hold what the addresses are of
         state = present.integrator.state[: present.system.width]
-        there = state, present.now, self._addresses
-        self._all = _Response(respond.resolve, (*there, *known))
-        self._look_there = _Response(respond.look_there, (*there, *known))
+        there = state, present.now, self.addresses
+        self._all = Response(respond.resolve, (*there, *known))
+        self._look_there = Response(respond.look_there, (*there, *known))
 
     def see(self, stage: int) -> None:
         """Evaluate the function that a stage needs, see `respond.NEEDS`, at the present state."""
@@ -76,27 +77,27 @@ class EventStages:
         function = getattr(present.system.functions, name)
         out = run.terms if stage < respond.PROJECTED else run.seen[: function.nouts]
         present.evaluate(function, out=out)
-        if self._all.compiled and not self._addresses[stage]:
+        if self._all.compiled and not self.addresses[stage]:
             code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
             if code:  # `resolve` gets the address of the function's machine code
                 self._codes.append(code)
                 for k, needed in enumerate(respond.NEEDS):
                     if needed == name:
-                        self._addresses[k] = code.addresses[0]
+                        self.addresses[k] = code.addresses[0]
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage whose function is evaluated, for a guard or gap; returns the next one."""
-        after = self._called(self._one, stage, guard)
+        after = self.called(self._one, stage, guard)
         self.counters[respond.TAKEN] = stage
         return after
 
     def resolve(self, stage: int, guard: int) -> int:
         """Take stages, for a guard or gap, as far as code is available; returns the next stage."""
         if self._all.compiled:
-            if not self._addresses[stage]:
+            if not self.addresses[stage]:
                 self.see(stage)
             self._present.set_time()
-            after = self._called(self._all, stage, guard)
+            after = self.called(self._all, stage, guard)
             if after != stage:
                 return after
             guard = self.fallen
@@ -107,18 +108,18 @@ class EventStages:
     def past_zero(self, fell: int | None) -> int | None:
         """Index of a guard below zero at the present state, other than `fell`; None if none is."""
         beside = -1 if fell is None else fell
-        if self._addresses[respond.MISSED]:
+        if self.addresses[respond.MISSED]:
             self._present.set_time()
-            guard = self._called(self._look_there, respond.MISSED, beside)
+            guard = self.called(self._look_there, respond.MISSED, beside)
         else:
             self.see(respond.MISSED)
-            guard = self._called(self._look, respond.MISSED, beside)
+            guard = self.called(self._look, respond.MISSED, beside)
         return guard if guard >= 0 else None
 
-    def _called(self, call: _Response, stage: int, guard: int) -> int:
-        """Call a kernel with room in the logs, and take over what it entered there."""
+    def called(self, call: Response, stage: int, guard: int, events: int = 1) -> int:
+        """Call a kernel with room for some events in the logs, and take over what it entered."""
         counters, impacts, changes = self.counters, self._impacts, self._changes
-        gaps = counters[respond.LAYOUT]
+        gaps = counters[respond.LAYOUT] * events
         impacts.reserve(gaps)
         changes.reserve(2 * gaps)
         counters[respond.STAGE], counters[respond.GUARD] = stage, guard

@@ -8,6 +8,7 @@ polynomial of full order costs several times as much and is used near its start 
 from __future__ import annotations
 
 import ctypes
+import sys
 
 import heyoka as hy
 import numpy as np
@@ -56,13 +57,23 @@ class Integrators:
                 if order or sticks == self._apart:  # else the main one
                     self._other(sticks, order)
 
+    @property
+    def short_from(self) -> int:
+        """Number of events from which steps of low order pay."""
+        return _STEPS.short_from if self._chatters else sys.maxsize
+
+    @property
+    def main_holds(self) -> bool:
+        """True if the main integrator takes the next step, unless it is one of low order."""
+        return not (self._apart and self._stuck)
+
     def expect(self, events: int) -> None:
         """Choose steps of low order if so many `events` are expected that they pay."""
-        self.short = self._chatters and events >= _STEPS.short_from
+        self.short = events >= self.short_from
 
     def step(self, longest: float) -> float:
         """Take a step, up to the first event; returns its length [s]."""
-        if not (self._apart and self._stuck):
+        if self.main_holds:
             return float(self.main.step(longest, True)[1])
         own = self._other(True, None)
         h = own.take(longest)

@@ -91,14 +91,17 @@ class TaylorSteps:
         self._coefficients = series[: system.width * width]
         self._guard_values = series[watch * width + 1 : near * width : width]
         self._nearness = series[near * width :] if system.relations else _UNWATCHED
-        self._rows = StepRows(system, self._ta, output, max_step, quickest, self._check)
+        self._rows = StepRows(
+            contacts, integrators, output, max_step, quickest, self._check
+        )
         self._stabilisation = system.parameters.stabilisation
 
     def follow(
-        self, tau: float, limit: float, last: int, respond: Callable[[int, float], None]
+        self, tau: float, limit: float, last: int, respond: Callable[[int | None, float], None]
     ) -> tuple[float, float | None]:
         """Take steps from `tau` on, at most a row, and call `respond` for guards that fall.
 
+        It is called with None for the rest of an event in machine code.
         Returns the time reached, and the length of a further step that is yet to be located.
         """
         gaps, output, ta, step = self._gaps, self._output, self._ta, self._integrators.step
@@ -113,17 +116,20 @@ class TaylorSteps:
         lone = self._system.lone
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
         singular = near is not _UNWATCHED
-        laws, begun = self._laws, len(lengths)
+        laws, rows, begun = self._laws, self._rows, len(lengths)
         stop = min(limit, laws.next_base, laws.next_change)
         row = min(begun + _STEPS.row - since, last)
         alone, ended = 0, None
         while (count := len(lengths)) < row and not self._goes_short():
             reach = min(longest, gaps.horizon)
-            if reach == longest:  # else an event is near
-                tau = self._rows.take(tau, stop, row - count, stride, self._present.base.high)
+            if reach == longest or rows.resolves:  # else an event is near
+                tau = rows.take(tau, stop, row - count, stride)
                 count = len(lengths)
-                if count == row:
+                if rows.ended:
+                    respond(None, tau)
+                if rows.ended or count == row or self._goes_short():
                     break
+                reach = min(longest, gaps.horizon)
             ta.time = tau
             h = step(reach)
             if check is not None:

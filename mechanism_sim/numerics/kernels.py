@@ -210,7 +210,7 @@ def _give_up() -> None:
         k.run, k.spent = k.function, -math.inf
 
 
-def foreign_code(code: bytes, *names: str) -> Foreign | None:
+def foreign_code(code: bytes | tuple[bytes, ...], *names: str) -> Foreign | None:
     """Functions that heyoka compiled, for kernels to call; None where they cannot be had."""
     try:
         from mechanism_sim.numerics.machine_code import foreign  # noqa: PLC0415 - few runs need it

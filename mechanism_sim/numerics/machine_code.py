@@ -176,11 +176,12 @@ class Foreign(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def foreign(code: bytes, library: str, *names: str) -> Foreign | None:
-    """Functions of an object file by their names; None where something is not found.
+def foreign(code: bytes | tuple[bytes, ...], library: str, *names: str) -> Foreign | None:
+    """Functions of object files by their names; None where something is not found.
 
     Parameters
     ----------
+    code : an object file, or several that call each other
     library : part of the name of a loaded library with further symbols
     """
     with suppress(OSError, StopIteration, RuntimeError):
@@ -228,9 +229,11 @@ def _linker() -> Any:
 _names = count()
 
 
-def _linked(code: bytes, *names: str) -> Any:
-    """Addresses of functions of an object file by their names; they live as long as it does."""
-    builder = _llvm().JITLibraryBuilder().add_object_img(code).add_current_process()
+def _linked(code: bytes | tuple[bytes, ...], *names: str) -> Any:
+    """Addresses of functions of object files by their names; they live as long as it does."""
+    builder = _llvm().JITLibraryBuilder().add_current_process()
+    for file in (code,) if isinstance(code, bytes) else code:
+        builder.add_object_img(file)
     for name in names:
         builder.export_symbol(name)
     return builder.link(_linker(), f'code{next(_names)}')

@@ -12,7 +12,7 @@ import mechanism_sim as ms
 from mechanism_sim.engine import event_stages, step_rows
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.digest import MotionDigest
-from mechanism_sim.engine.step_rows import end_of, stays
+from mechanism_sim.engine.row_kernels import end_of, stays
 
 SLOW = pytest.mark.slow
 

@@ -59,19 +59,21 @@ without collision must stop the slide of the guard's gap. The last two continue 
 NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
 """Function of the state that is evaluated before each stage."""
 
-(STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, AGAIN, WATCHED,
- GUARDS, SMOOTH, RELATIONS, SIZE, LAYOUT) = range(17)  # fmt: skip
+(STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, AGAIN, EVENTS,
+ SIMULTANEOUS, CROWDED, WATCHED, GUARDS, SMOOTH, RELATIONS, SIZE, LAYOUT) = range(20)  # fmt: skip
 COUNTERS = LAYOUT + len(Layout._fields)
 """Columns of the counters of a run: next stage; its guard or gap; numbers of rows in the logs of
 impacts and of changes; last stage taken; number of attempts at a separation; gap whose slip ends,
 plus 1; whether open gaps close, or slides begin, after this stage; numbers of searches for missed
-events and of earlier events at this instant, whether `MISSED` is a stage here; number of guards,
-whether all gaps have values and nothing has friction, whether there are loop closures; number of
-terms, then their layout."""
+events and of earlier events at this instant; number of events since the start, of those before the
+last at its instant, and before it each close to the next; whether `MISSED` is a stage here; number
+of guards, whether all gaps have values and nothing has friction, whether there are loop closures;
+number of terms, then their layout."""
 
-TIME, HORIZON, FLOOR, MARGIN, LIMITS, DRIVES = 0, 1, 2, 3, 4, 10
+TIME, HORIZON, FLOOR, MARGIN, LAST, CROWD, LIMITS, DRIVES = 0, 1, 2, 3, 4, 5, 6, 12
 """Columns of the reals: time [s], longest next step [s], lowest value of guards of friction by
-rounding, two roundings of a position [m]; then limits, drive rates, restitutions, frictions."""
+rounding, two roundings of a position [m], time of the last event [s], time between events that are
+close [s]; then limits, drive rates, restitutions, frictions."""
 
 MODE, BEFORE, HYPOTHESIS, GIVEN, CLOSED, STICK, SLIP, PRESS, FRICTIONAL, RATED = range(10)
 """Rows of the integers of every gap: mode, mode before the event, restitution hypothesis, sign of
@@ -127,9 +129,26 @@ def situation_of(run: EventArrays) -> Situation:
     at = DRIVES + p
     laws = r[at : at + 2 * m].reshape((2, m))
     arrays = ContactArrays(run.terms, layout, laws, run.marks[SHUT], run.gaps[HYPOTHESIS])
-    limits = Limits(r[4], r[5], r[6], r[7], r[8], r[9])
+    k = LIMITS
+    limits = Limits(r[k], r[k + 1], r[k + 2], r[k + 3], r[k + 4], r[k + 5])
     now = Instant(r[TIME], r[DRIVES:at], run.x[f:])
     return Situation(run, problem_of(arrays), limits, now)
+
+
+@kernel
+def count(n: Indices, reals: Array, t: float) -> None:
+    """Count an event at a time [s], with those before it at the same instant or close by."""
+    n[EVENTS] += 1
+    n[SIMULTANEOUS] = n[SIMULTANEOUS] + 1 if t == reals[LAST] else 0
+    n[CROWDED] = n[CROWDED] + 1 if t - reals[LAST] <= reals[CROWD] else 0
+    reals[LAST] = t
+
+
+@kernel
+def begin(n: Indices, reals: Array, t: float, earlier: int) -> None:
+    """Begin to resolve an event at a time [s], after `earlier` ones at this instant."""
+    reals[TIME] = t
+    n[ROUNDS], n[AGAIN] = 0, earlier
 
 
 @kernel
@@ -447,7 +466,7 @@ def _hold_slip(run: EventArrays, gap: int) -> None:
 @kernel
 def missed(run: EventArrays) -> int:
     """Respond to a guard below zero already, whose fall the integrator cannot detect."""
-    guard = _past_zero(run, -1)
+    guard = past_zero(run, -1)
     if guard < 0:
         return DONE
     run.counters[GUARD] = guard
@@ -455,7 +474,7 @@ def missed(run: EventArrays) -> int:
 
 
 @kernel
-def _past_zero(run: EventArrays, fell: int) -> int:
+def past_zero(run: EventArrays, fell: int) -> int:
     """Index of a guard of a gap or its friction below zero, by ``watch``; -1 for none.
 
     That happens where a step ends within its error of an event. Beside the guard that
@@ -489,15 +508,15 @@ def look(*arrays: Any) -> int:
     arrays : those of `run_of`
     """
     run = run_of(*arrays)
-    return _past_zero(run, run.counters[GUARD])
+    return past_zero(run, run.counters[GUARD])
 
 
 @entry
 def look_there(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
     """Call `look` at the state itself; the first arguments are those of `resolve`."""
     run = run_of(*arrays)
-    _evaluate(run, state, now, addresses, MISSED)
-    return _past_zero(run, run.counters[GUARD])
+    evaluate(run, state, now, addresses, MISSED)
+    return past_zero(run, run.counters[GUARD])
 
 
 @entry
@@ -526,7 +545,7 @@ def respond(*arrays: Any) -> int:
 
 
 @kernel
-def _evaluate(run: EventArrays, state: Array, now: Array, addresses: Indices, stage: int) -> None:
+def evaluate(run: EventArrays, state: Array, now: Array, addresses: Indices, stage: int) -> None:
     """Call the machine code of what a stage needs."""
     width = len(state)
     now[:width] = state
@@ -535,6 +554,13 @@ def _evaluate(run: EventArrays, state: Array, now: Array, addresses: Indices, st
         call_code(addresses[stage], run.terms, now, now, now)
     else:
         call_code(addresses[stage], run.seen, now, now, now)
+
+
+@kernel
+def has_room(run: EventArrays) -> bool:
+    """True if the logs have room for what a stage enters."""
+    n, m = run.counters, run.gaps.shape[1]
+    return n[IMPACTS] + m <= len(run.impacts) and n[CHANGES] + 2 * m <= len(run.changes)
 
 
 _ENDLESS = 2**62
@@ -554,15 +580,13 @@ def resolve(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
     arrays : those of `run_of`
     """
     run = run_of(*arrays)
-    n, m = run.counters, run.gaps.shape[1]
+    n = run.counters
     for _ in range(_ENDLESS):
         stage = n[STAGE]
-        if stage <= DONE or addresses[stage] == 0:
-            break
-        if n[IMPACTS] + m > len(run.impacts) or n[CHANGES] + 2 * m > len(run.changes):
+        if stage <= DONE or addresses[stage] == 0 or not has_room(run):
             break
         if not (stage == STRIKES and n[TAKEN] == FELL):  # of the same state
-            _evaluate(run, state, now, addresses, stage)
+            evaluate(run, state, now, addresses, stage)
         after = respond(*arrays)
         n[STAGE], n[TAKEN] = after, stage
     return int(n[STAGE])

@@ -1,0 +1,310 @@
+"""Steps that follow each other, and the events between them, in machine code.
+
+The functions of an integrator are called as heyoka compiled them, without what Python and its
+search for events cost between them. What is not plain ends a row: that step, or the rest of its
+event, is left to Python and heyoka, so that all bits are those of steps taken one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.clock import rounded_sum
+from mechanism_sim.engine.contact.respond import (
+    CHANGES,
+    CROWDED,
+    DONE,
+    DRIVES,
+    EVENTS,
+    FELL,
+    FLIES,
+    GUARD,
+    HORIZON,
+    MISSED,
+    MODE,
+    SIMULTANEOUS,
+    SLIPS,
+    STAGE,
+    begin,
+    count,
+    evaluate,
+    has_room,
+    past_zero,
+    resolve,
+    run_of,
+)
+from mechanism_sim.engine.step_check import StepMotion, doubts
+from mechanism_sim.engine.step_roots import NO_FALL, RootArrays, first_fall
+from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernel_code import call_code
+from mechanism_sim.numerics.kernels import entry, kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_GUARDS = TOLERANCES.guards
+_SINGULAR = TOLERANCES.singular
+_STEPS = TOLERANCES.steps
+
+TAU, LIMIT, LONGEST, QUICKEST, STRIDE, BASE, LOW, LENGTH, LARGEST = range(9)
+"""Reals of a row: time of the present state and latest end of steps [s]; longest step [s];
+fastest stabilisation [1/s]; stride before singular positions [s]; time at local zero [s], and its
+rest beyond a float; then outputs of heyoka: length of the step [s], largest magnitude in the
+state."""
+
+_STEP, _OUT, _DOUBTS, MOST, _WIDTH, _SIZE, _NEAR, _STABILISATION, _SHORT = range(9)
+"""Whole numbers of a row: addresses of heyoka's functions, the third 0 if nothing is steep;
+largest number of steps; number of states kept, and of all; index of the state for singular
+positions, or -1; index of the stabilisation; number of events from which short steps are not
+taken here."""
+
+class RowArrays(NamedTuple):
+    """The arrays of a row of steps."""
+
+    state: Array  #: state of the integrator, changed in place
+    parameters: Array  #: runtime parameters of the integrator, changed in place
+    time: Array  #: (1,) time argument of the integrator's functions
+    reals: Array  #: see `_TAU`
+    whole: Indices  #: see `STEP`
+    jets: Array  #: (states + guards, order + 1) Taylor coefficients of a step
+    scaled: Array  #: (order + 1,) overwritten
+    shut: Indices  #: (guards,) see `stays`
+    taus: Array  #: starts [s] of the steps, from the first on
+    lengths: Array  #: lengths [s] of the steps, from the first on
+    rows: Array  #: (n, width (order + 1)) coefficients of the steps
+    motion: StepMotion  #: variables of steep loads over a step
+    doubted: Array  #: (2,) overwritten
+    roots: RootArrays  #: overwritten
+    before: Array  #: state before a step, overwritten
+    laws: Array  #: (p, d + 1) coefficients of the laws of drives from the local time zero on
+    tape: Array  #: workspace of compact code, else empty
+
+
+@kernel
+def end_of(guard: Array, h: float, opens: bool, scaled: Array) -> float:
+    """Value of a guard at the end of a step of length `h`, -1 if it may fall through zero before.
+
+    By Descartes' rule of signs: none falls whose Bernstein coefficients have one sign; they are,
+    but for positive factors, the coefficients of ``(1 + x)^n p(h / (1 + x))``. Most guards begin
+    larger than all that their other terms can take away.
+
+    Parameters
+    ----------
+    guard : (n + 1,) coefficients, the constant first
+    opens : True if a guard that rises from a rounding below zero counts as positive
+    scaled : (n + 1,) overwritten
+    """
+    n, power, rest, end = len(guard), h, 0.0, float(guard[0])
+    scaled[n - 1] = end
+    for k in range(1, n):
+        x = guard[k] * power
+        power *= h
+        rest += abs(x)
+        end += x
+        scaled[n - 1 - k] = x
+    if guard[0] > rest:
+        return end
+    rises = opens and guard[0] > -_GUARDS.near_root and guard[1] > 0.0
+    if not (rest < math.inf and (guard[0] > 0.0 or rises)):
+        return -1.0
+    for i in range(n - 1):
+        for k in range(n - 2, i - 1, -1):
+            scaled[k] += scaled[k + 1]
+    for x in scaled[: n - 1]:
+        if x <= 0.0:
+            return -1.0
+    return end
+
+
+@kernel
+def stays(
+    jets: Array, first: int, shut: Indices, parameters: Array, h: float, scaled: Array
+) -> bool:
+    """True if no guard falls within a step, nor so near its end that the event may be missed.
+
+    Parameters
+    ----------
+    first : row of the first guard in `jets`
+    shut : parameter of the closed flag of each guard's gap; -1 for guards of friction
+    """
+    near, low = False, math.inf
+    for i in range(len(shut)):
+        guard = jets[first + i]
+        x = end_of(guard, h, shut[i] >= 0 and parameters[shut[i]] == 0.0, scaled)
+        if x < 0.0:
+            return False
+        near, low = near or guard[0] < _GUARDS.near_root, min(low, x)
+    return not near or low > _GUARDS.near_root
+
+
+@kernel
+def _series(row: RowArrays, reach: float) -> float:
+    """Taylor series of a step of at most `reach` [s] from the present state; returns its length.
+
+    It is not a number if a value is none.
+    """
+    reals, step = row.reals, row.whole[_STEP]
+    jets, state, parameters, time = row.jets, row.state, row.parameters, row.time
+    time[0] = reals[TAU]
+    reals[LENGTH] = reach
+    length, largest = reals[LENGTH:], reals[LARGEST:]
+    if len(row.tape):
+        call_code(step, jets, state, parameters, time, length, largest, row.tape)
+    else:
+        call_code(step, jets, state, parameters, time, length, largest)
+    return float(reals[LENGTH]) if reals[LARGEST] < math.inf else math.nan
+
+
+@kernel
+def _holds(row: RowArrays, h: float) -> bool:
+    """True if a step of length `h` [s] ends in time, and nothing steep or singular is in it."""
+    reals, whole, jets = row.reals, row.whole, row.jets
+    tau, near = reals[TAU], whole[_NEAR]
+    if not tau < tau + h <= reals[LIMIT]:
+        return False
+    if whole[_DOUBTS] and doubts(
+        whole[_DOUBTS], jets, row.parameters, row.motion, reals[BASE], tau, h, row.doubted
+    ):
+        return False
+    ahead = _SINGULAR.ahead * max(h, reals[STRIDE])
+    return near < 0 or not jets[near, 1] + ahead * jets[near, 2] < 0.0
+
+
+@kernel
+def _move(row: RowArrays, h: float) -> None:
+    """Move the state to the end of a step."""
+    row.reals[LENGTH] = h
+    call_code(row.whole[_OUT], row.state, row.jets, row.reals[LENGTH:])
+
+
+@kernel
+def _enter(row: RowArrays, k: int, h: float) -> None:
+    """Enter a step as number `k` of the row."""
+    jets, order = row.jets, row.jets.shape[1]
+    kept = row.rows[k]
+    for i in range(row.whole[_WIDTH]):
+        kept[i * order : (i + 1) * order] = jets[i]
+    row.taus[k], row.lengths[k] = row.reals[TAU], h
+    row.reals[TAU] += h
+
+
+@kernel
+def _stabilise(row: RowArrays, h: float) -> None:
+    """Let Baumgarte's rate follow the usual step."""
+    row.parameters[row.whole[_STABILISATION]] = min(1.0 / h, row.reals[QUICKEST])
+
+
+@entry
+def take_row(row: RowArrays) -> int:
+    """Take steps until the next one may contain an event; returns their number."""
+    whole = row.whole
+    for k in range(whole[MOST]):
+        h = _series(row, row.reals[LONGEST])
+        if not stays(row.jets, whole[_SIZE], row.shut, row.parameters, h, row.scaled):
+            return k
+        if not _holds(row, h):
+            return k
+        _move(row, h)
+        _enter(row, k, h)
+        _stabilise(row, h)
+    return int(whole[MOST])
+
+
+
+
+class _Found(NamedTuple):
+    """Events in a step."""
+
+    guard: int  #: that falls first, -1 if none does, -2 if heyoka is to say
+    h: float  #: [s] length of the step up to there
+    doubtful: bool  #: True if another may have been passed over
+
+
+@kernel
+def _search(row: RowArrays, h: float, modes: Indices) -> _Found:
+    """Search a step for the first event."""
+    first, guards, near, low, fell, end = row.whole[_SIZE], len(row.shut), False, math.inf, -1, h
+    for i in range(guards):
+        guard, shut = row.jets[first + i], row.shut[i]
+        x = end_of(guard, h, shut >= 0 and row.parameters[shut] == 0.0, row.scaled)
+        begins = guard[0] < _GUARDS.near_root
+        # what let go within the error of the last step's end is an event at its start
+        if begins and guards == 1 and guard[0] < 0.0 and modes[0] != FLIES:
+            return _Found(-2, h, True)
+        if x < 0.0:
+            when = first_fall(guard, h, row.roots)
+            if when >= 0.0:
+                if when == end:
+                    return _Found(-2, h, True)
+                if when < end:
+                    fell, end = i, when
+            elif when != NO_FALL:
+                return _Found(-2, h, True)
+        near, low = near or begins, min(low, x)
+    doubtful = near and (guards > 1 if fell >= 0 else not low > _GUARDS.near_root)
+    return _Found(fell, end, doubtful)
+
+
+@kernel
+def _rate(law: Array, tau: float) -> float:
+    rate = 0.0
+    for k in range(len(law) - 1, 0, -1):
+        rate = rate * tau + k * law[k]
+    return rate
+
+
+@entry
+def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int:
+    """Take steps, and resolve the events at their ends; returns the number of steps.
+
+    It stops before a step of which something is left to heyoka, and after an event that changes
+    modes, or has a stage left: then the counter of stages is not `DONE`.
+
+    Parameters
+    ----------
+    now, addresses, arrays : of `respond.resolve`; the state is that of the row
+    """
+    run = run_of(*arrays)
+    n, reals, whole = run.counters, row.reals, row.whole
+    state, changes = row.state[: whole[_WIDTH]], n[CHANGES]
+    n[STAGE] = DONE
+    for k in range(whole[MOST]):
+        longest = reals[LONGEST]
+        reach = min(longest, run.reals[HORIZON])
+        if reach < longest and n[EVENTS] >= whole[_SHORT]:
+            return k
+        full = _series(row, reach)
+        found = _search(row, full, run.gaps[MODE])
+        guard, h, end = found.guard, found.h, reals[TAU] + found.h
+        if guard < -1 or not _holds(row, h):
+            return k
+        t = 0.0
+        if guard >= 0:
+            t = rounded_sum(reals[BASE], reals[LOW], end)
+            many = n[SIMULTANEOUS] >= _STEPS.simultaneous or n[CROWDED] >= _STEPS.crowded
+            if many or not abs(t) < math.inf or not has_room(run):
+                return k
+        if found.doubtful and addresses[MISSED] == 0:
+            return k
+        row.before[:] = row.state
+        _move(row, h)
+        now[len(now) - 1] = end
+        if found.doubtful:
+            evaluate(run, state, now, addresses, MISSED)
+            if past_zero(run, guard) >= 0:
+                row.state[:] = row.before
+                return k
+        _enter(row, k, h)
+        run.reals[HORIZON] = math.inf
+        if guard < 0:
+            if h < reach or reach == longest:
+                _stabilise(row, h)
+            continue
+        count(n, run.reals, t)
+        begin(n, run.reals, t, n[SIMULTANEOUS])
+        for i in range(len(row.laws)):
+            run.reals[DRIVES + i] = _rate(row.laws[i], end)
+        n[GUARD], n[STAGE] = guard, FELL if guard < len(run.gaps[MODE]) else SLIPS
+        if resolve(state, now, addresses, *arrays) != DONE or n[CHANGES] > changes:
+            return k + 1
+    return int(whole[MOST])
