@@ -17,6 +17,7 @@ from mechanism_sim.engine.compliant_events import initialise_rates, is_leaving, 
 from mechanism_sim.engine.contact.chatter import ends
 from mechanism_sim.engine.contact.problem import DRIVE, LOSS, WORK, T
 from mechanism_sim.engine.contact.respond import (
+    BESIDE,
     DONE,
     FELL,
     GIVEN,
@@ -58,10 +59,8 @@ class Contacts:
         self.state, self.present = state, state.present
         self.switching = Switching(state.present, state.problem)
         self._system = state.present.system
-        #: whether `contact.respond` resolves every event of this system, and friction in joints
-        #: has no part in it
+        #: whether `contact.respond` resolves every event of this system
         self._resolves_all = bool(state.run.counters[WATCHED])
-        self.alone = self._resolves_all and not self._system.dynamics.frictional_joints
 
     def change_restitution(self, joint: str, restitution: float) -> None:
         """Set the coefficient of restitution of all gaps of a joint; KeyError if it has none."""
@@ -145,11 +144,19 @@ class Contacts:
         if not self._resolves_all and len(self._system.guards) > 1:
             self._respond_to_missed()
 
+    @property
+    def in_rows(self) -> bool:
+        """True if rows of steps may resolve events of gaps: nothing else has a part in them."""
+        rubs = self._system.dynamics.frictional_joints or self._system.set_valued.holding
+        return not (rubs or self._system.compliant)
+
     def finish(self) -> None:
-        """Finish the event that a row of steps has resolved, or begun to."""
+        """Finish the event that a row of steps has begun to resolve."""
         counters = self.state.stages.counters
-        self.state.adopt_modes()
-        self._go_on(counters[STAGE], counters[GUARD])
+        if counters[STAGE] != BESIDE:
+            self._go_on(counters[STAGE], counters[GUARD])
+        if not self._resolves_all and len(self._system.guards) > 1:
+            self._respond_to_missed()
 
     def _respond_to_missed(self) -> None:
         self.state.begin_event(self.present.time)

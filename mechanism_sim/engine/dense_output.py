@@ -308,13 +308,19 @@ class DenseOutput:
         while len(self.lengths) >= len(self.slots) - 1:
             self.grow()
 
-    def mark(self, base: Base, status: Status) -> None:
-        """Set base and status of the steps entered from now on."""
+    def mark(self, base: Base, status: Status, first: int | None = None) -> None:
+        """Set base and status of the steps entered from now on, or of those from `first` on."""
+        first = len(self.lengths) if first is None else first
         if not self._bases or base is not self._bases[-1]:
             self._bases.append(base)
-        if self._marks and self._marks[-1][0] == len(self.lengths):
+        if self._marks and self._marks[-1][0] == first:
             self._marks.pop()  # no step was taken in it
-        self._marks.append((len(self.lengths), status, len(self._bases) - 1))
+        self._marks.append((first, status, len(self._bases) - 1))
+
+    @property
+    def status(self) -> Status:
+        """The status of the steps entered from now on."""
+        return self._marks[-1][1]
 
     def drain(self) -> Motion:
         """The steps since the last call as motion.

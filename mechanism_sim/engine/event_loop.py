@@ -250,7 +250,7 @@ class EventLoop:
             self._integrators.expect(self.events)
             self._contacts.handle(guard, t, earlier)
         self._ta.reset_cooldowns()
-        if self._gaps.status is not self._marked:
+        if self._gaps.status is not self._output.status:
             self._mark()
 
     def preview(self, until: float) -> Motion | None:
@@ -288,8 +288,7 @@ class EventLoop:
 
     def _mark(self) -> None:
         """Set base and status of the steps entered from now on."""
-        self._marked = self._gaps.status
-        self._output.mark(self._present.base, self._marked)
+        self._output.mark(self._present.base, self._gaps.status)
 
     # --- pauses -------------------------------------------------------------------------------
 

@@ -27,6 +27,7 @@ class Response:
         return self._kernel.is_compiled
 
     def __call__(self, impacts: Array, changes: Array) -> int:
+        """Call it with the logs as they are now."""
         rows, more = self._logs
         if rows is not impacts or more is not changes:
             self._logs = impacts, changes

@@ -31,6 +31,7 @@ class Integrators:
     Attributes
     ----------
     main : integrator with state, series, time and parameters of the run after every step
+    apart : True if another one takes the steps in which a contact sticks
     short : True if steps of low order are allowed
     """
 
@@ -40,12 +41,12 @@ class Integrators:
         #: bound of the last terms of coordinates and rates at the end of a step of low order
         self._allowed = np.repeat([system.rounding, rate], [f, system.width - f])
         # what is small takes its steps in rows, and is compiled once
-        self._apart = compact and system.slides
+        self.apart = compact and system.slides
         # few contacts chatter too little for a further integrator to be worth its compilation
         rigid = not (system.compliant or system.steep)
         self._chatters = compact and len(system.gaps) > 3 and rigid
-        self._sticks = system.parameters.sticks if self._apart else []
-        self.main = system.integrator(rtol, scale, compact, self, sticks=not self._apart)
+        self._sticks = system.parameters.sticks if self.apart else []
+        self.main = system.integrator(rtol, scale, compact, self, sticks=not self.apart)
         self._pars = floats(self.main.pars)
         self._others: dict[tuple[bool, int | None], _Substitute] = {}
         self.short = False
@@ -53,8 +54,8 @@ class Integrators:
     def compile(self) -> None:
         """Compile all code that a run may need."""
         for order in (None, _STEPS.low_order) if self._chatters else (None,):
-            for sticks in (True, False) if self._apart else (True,):
-                if order or sticks == self._apart:  # else the main one
+            for sticks in (True, False) if self.apart else (True,):
+                if order or sticks == self.apart:  # else the main one
                     self._other(sticks, order)
 
     @property
@@ -65,7 +66,7 @@ class Integrators:
     @property
     def main_holds(self) -> bool:
         """True if the main integrator takes the next step, unless it is one of low order."""
-        return not (self._apart and self._stuck)
+        return not (self.apart and self._stuck)
 
     def expect(self, events: int) -> None:
         """Choose steps of low order if so many `events` are expected that they pay."""
@@ -82,7 +83,7 @@ class Integrators:
 
     def short_step(self, longest: float) -> float | None:
         """Take a step of low order; returns None if its error is too large."""
-        low = self._other(not self._apart or self._stuck, _STEPS.low_order)
+        low = self._other(not self.apart or self._stuck, _STEPS.low_order)
         h = low.take(longest)
         if not low.leaves(h, self._allowed):
             return None

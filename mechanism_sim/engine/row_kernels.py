@@ -10,23 +10,30 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.clock import rounded_sum
+from mechanism_sim.engine.contact.problem import FLIES
 from mechanism_sim.engine.contact.respond import (
+    BESIDE,
     CHANGES,
     CROWDED,
     DONE,
     DRIVES,
     EVENTS,
     FELL,
-    FLIES,
     GUARD,
+    GUARDS,
     HORIZON,
     MISSED,
     MODE,
     SIMULTANEOUS,
     SLIPS,
     STAGE,
+    WATCHED,
+    EventArrays,
     begin,
     count,
     evaluate,
@@ -52,11 +59,14 @@ fastest stabilisation [1/s]; stride before singular positions [s]; time at local
 rest beyond a float; then outputs of heyoka: length of the step [s], largest magnitude in the
 state."""
 
-_STEP, _OUT, _DOUBTS, MOST, _WIDTH, _SIZE, _NEAR, _STABILISATION, _SHORT = range(9)
+(_STEP, _OUT, _DOUBTS, MOST, NOTED, _WIDTH, _SIZE, _NEAR, _STABILISATION, _SHORT, _OWN, _LONE,
+ _STICKS) = range(13)  # fmt: skip
 """Whole numbers of a row: addresses of heyoka's functions, the third 0 if nothing is steep;
-largest number of steps; number of states kept, and of all; index of the state for singular
-positions, or -1; index of the stabilisation; number of events from which short steps are not
-taken here."""
+largest number of steps, number of changes of modes; number of states kept, and of all; index of
+the state for singular positions, or -1; index of the stabilisation; number of events from which
+short steps are not taken here; number of guards whose events are resolved here, the first ones;
+whether there is one guard, of a place; whether a change of modes may let other equations hold."""
+
 
 class RowArrays(NamedTuple):
     """The arrays of a row of steps."""
@@ -78,6 +88,7 @@ class RowArrays(NamedTuple):
     before: Array  #: state before a step, overwritten
     laws: Array  #: (p, d + 1) coefficients of the laws of drives from the local time zero on
     tape: Array  #: workspace of compact code, else empty
+    noted: NDArray[np.int64]  #: (n, 1 + m) steps, and modes after each of them
 
 
 @kernel
@@ -210,8 +221,6 @@ def take_row(row: RowArrays) -> int:
     return int(whole[MOST])
 
 
-
-
 class _Found(NamedTuple):
     """Events in a step."""
 
@@ -229,7 +238,7 @@ def _search(row: RowArrays, h: float, modes: Indices) -> _Found:
         x = end_of(guard, h, shut >= 0 and row.parameters[shut] == 0.0, row.scaled)
         begins = guard[0] < _GUARDS.near_root
         # what let go within the error of the last step's end is an event at its start
-        if begins and guards == 1 and guard[0] < 0.0 and modes[0] != FLIES:
+        if begins and row.whole[_LONE] and guard[0] < 0.0 and modes[0] != FLIES:
             return _Found(-2, h, True)
         if x < 0.0:
             when = first_fall(guard, h, row.roots)
@@ -241,7 +250,9 @@ def _search(row: RowArrays, h: float, modes: Indices) -> _Found:
             elif when != NO_FALL:
                 return _Found(-2, h, True)
         near, low = near or begins, min(low, x)
-    doubtful = near and (guards > 1 if fell >= 0 else not low > _GUARDS.near_root)
+    if fell >= row.whole[_OWN]:
+        return _Found(-2, h, True)
+    doubtful = near and (not row.whole[_LONE] if fell >= 0 else not low > _GUARDS.near_root)
     return _Found(fell, end, doubtful)
 
 
@@ -253,12 +264,35 @@ def _rate(law: Array, tau: float) -> float:
     return rate
 
 
+@kernel
+def _are_clear(run: EventArrays, state: Array, now: Array, addresses: Indices, guard: int) -> bool:
+    """True if no other guard has fallen by now; where some are of no gap, none but for sure."""
+    evaluate(run, state, now, addresses, MISSED)
+    if run.counters[WATCHED]:
+        return past_zero(run, guard) < 0
+    seen, count = run.seen, run.counters[GUARDS]
+    for i in range(count):
+        flies = i < len(run.gaps[MODE]) and run.gaps[MODE, i] == FLIES
+        if i != guard and seen[i] <= 0.0 and not (flies and seen[count + i] >= 0.0):
+            return False
+    return True
+
+
+@kernel
+def _note(row: RowArrays, k: int, modes: Indices) -> None:
+    """Note the modes after step `k`."""
+    noted = row.noted[row.whole[NOTED]]
+    noted[0] = k + 1
+    noted[1:] = modes
+    row.whole[NOTED] += 1
+
+
 @entry
 def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int:
     """Take steps, and resolve the events at their ends; returns the number of steps.
 
-    It stops before a step of which something is left to heyoka, and after an event that changes
-    modes, or has a stage left: then the counter of stages is not `DONE`.
+    It stops before a step of which something is left to heyoka, and after an event of which
+    something is left to Python: then the counter of stages is not `DONE`.
 
     Parameters
     ----------
@@ -266,8 +300,10 @@ def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int
     """
     run = run_of(*arrays)
     n, reals, whole = run.counters, row.reals, row.whole
-    state, changes = row.state[: whole[_WIDTH]], n[CHANGES]
-    n[STAGE] = DONE
+    state = row.state[: whole[_WIDTH]]
+    n[STAGE], whole[NOTED] = DONE, 0
+    if addresses[MISSED] == 0:
+        return 0
     for k in range(whole[MOST]):
         longest = reals[LONGEST]
         reach = min(longest, run.reals[HORIZON])
@@ -284,16 +320,12 @@ def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int
             many = n[SIMULTANEOUS] >= _STEPS.simultaneous or n[CROWDED] >= _STEPS.crowded
             if many or not abs(t) < math.inf or not has_room(run):
                 return k
-        if found.doubtful and addresses[MISSED] == 0:
-            return k
         row.before[:] = row.state
         _move(row, h)
         now[len(now) - 1] = end
-        if found.doubtful:
-            evaluate(run, state, now, addresses, MISSED)
-            if past_zero(run, guard) >= 0:
-                row.state[:] = row.before
-                return k
+        if found.doubtful and not _are_clear(run, state, now, addresses, guard):
+            row.state[:] = row.before
+            return k
         _enter(row, k, h)
         run.reals[HORIZON] = math.inf
         if guard < 0:
@@ -305,6 +337,15 @@ def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int
         for i in range(len(row.laws)):
             run.reals[DRIVES + i] = _rate(row.laws[i], end)
         n[GUARD], n[STAGE] = guard, FELL if guard < len(run.gaps[MODE]) else SLIPS
-        if resolve(state, now, addresses, *arrays) != DONE or n[CHANGES] > changes:
+        changes = n[CHANGES]
+        stage = resolve(state, now, addresses, *arrays)
+        if n[CHANGES] > changes:
+            _note(row, k, run.gaps[MODE])
+        if stage != DONE:
+            return k + 1
+        if not n[WATCHED] and not _are_clear(run, state, now, addresses, -1):
+            n[STAGE] = BESIDE
+            return k + 1
+        if n[CHANGES] > changes and whole[_STICKS]:
             return k + 1
     return int(whole[MOST])

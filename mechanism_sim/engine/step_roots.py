@@ -246,7 +246,7 @@ def _count_roots(p: Array, sizes: Array, moved: int, shifted: Array) -> int:
             sign = 1 if x > 0.0 else -1
             if sign == last and doubtful:
                 return -1
-            changes += last != 0 and sign != last
+            changes += last == -sign
             last, doubtful = sign, False
         elif last == 0 or k == n - 1:
             return -1

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from mechanism_sim.engine.contact.respond import DONE, EVENTS, STAGE
+from mechanism_sim.engine.contact.respond import DONE, EVENTS, MISSED, STAGE
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, floats
 from mechanism_sim.engine.event_stages import Response
@@ -19,6 +19,7 @@ from mechanism_sim.engine.row_kernels import (
     LONGEST,
     LOW,
     MOST,
+    NOTED,
     QUICKEST,
     STRIDE,
     TAU,
@@ -99,11 +100,15 @@ class StepRows:
         self._whole[MOST] = min(most, _STEPS.row)
         if self._events:
             stages = self._gaps.stages
+            begun = len(self._output.lengths)
             count = stages.called(self._events, DONE, 0, _STEPS.row)
-            self.ended = stages.changed or stages.counters[STAGE] != DONE
+            self.ended = stages.counters[STAGE] != DONE
             self._integrators.expect(stages.counters[EVENTS])
+            for at, *modes in row.noted[: self._whole[NOTED]].tolist():
+                self._gaps.modes = tuple(modes)
+                self._output.mark(self._present.base, self._gaps.status, begun + at)
         else:
-            if run_row.is_compiled and self._contacts.alone:
+            if run_row.is_compiled and self._contacts.in_rows:
                 self._run_events(row)
             self._plain = self._plain or take_row.bind(row)
             count = self._plain()
@@ -120,6 +125,7 @@ class StepRows:
     def _run_events(self, row: RowArrays) -> None:
         """Let rows go on over events from now on."""
         stages = self._gaps.stages
+        stages.see(MISSED)
         there = self._present.now, stages.addresses
         self._events = Response(run_row, (row, *there, *self._gaps.known))
 
@@ -145,8 +151,9 @@ class StepRows:
         width, order, guards = system.width, ta.order + 1, len(system.guards)
         near = width + 1 + guards if system.relations else -1
         whole = np.array([
-            *self._code.addresses, address, 0, width, ta.dim, near,
+            *self._code.addresses, address, 0, 0, width, ta.dim, near,
             system.parameters.stabilisation, self._integrators.short_from,
+            sum(guard.gap >= 0 for guard in system.guards), system.lone, self._integrators.apart,
         ])  # fmt: skip
         closed = system.parameters.closed
         shut = np.array([
@@ -162,4 +169,5 @@ class StepRows:
             np.zeros(order), shut, np.zeros(most), np.zeros(most), np.zeros((most, width * order)),
             check.motion if check else NOTHING, np.zeros(2), root_arrays(order),
             np.zeros(ta.dim), np.zeros((len(system.prescribed), system.degree + 1)), tape,
+            np.zeros((most, 1 + len(system.gaps)), dtype=np.int64),
         )  # fmt: skip

@@ -91,9 +91,7 @@ class TaylorSteps:
         self._coefficients = series[: system.width * width]
         self._guard_values = series[watch * width + 1 : near * width : width]
         self._nearness = series[near * width :] if system.relations else _UNWATCHED
-        self._rows = StepRows(
-            contacts, integrators, output, max_step, quickest, self._check
-        )
+        self._rows = StepRows(contacts, integrators, output, max_step, quickest, self._check)
         self._stabilisation = system.parameters.stabilisation
 
     def follow(

@@ -818,7 +818,7 @@ def _joined(body: _Body, parts: Several) -> ArrayView:
 def call_code(address: int, *arrays: Array) -> None:
     """Call machine code at an address with those of arrays, which it may change."""
     at = [x.ctypes.data for x in arrays]
-    ctypes.CFUNCTYPE(None, *(ctypes.c_void_p for _ in at))(address)(*at)
+    ctypes.CFUNCTYPE(None, *(ctypes.c_void_p for _ in at))(int(address))(*at)
 
 
 def _call_code(body: _Body, address: Number, *arrays: ArrayView) -> None:

@@ -12,6 +12,7 @@ import mechanism_sim as ms
 from mechanism_sim.engine import event_stages, step_rows
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.row_kernels import end_of, stays
 
 SLOW = pytest.mark.slow
@@ -63,8 +64,12 @@ def test_what_begins_near_a_root_must_not_end_near_one():
 @pytest.mark.sample(1)
 @pytest.mark.usefixtures('plain_kernels')
 @pytest.mark.parametrize(
-    'scene', ['four_bar_governed', 'gear_four_bar', pytest.param('watched_compressor', marks=SLOW)]
-)
+    'scene',
+    [
+        'four_bar_governed', 'gear_four_bar', 'gear_rattle', 'valve_train',
+        pytest.param('watched_compressor', marks=SLOW),
+    ],
+)  # fmt: skip
 def test_rows_have_the_bits_of_steps_one_by_one(scene, compiled_kernels, monkeypatch):
     """Loads in time, several gaps, friction; and where heyoka's code cannot be called."""
     machine = ms.load_scene(scene)
@@ -97,6 +102,31 @@ def test_an_event_is_one_call(compiled_kernels, monkeypatch):
     assert len(found.impacts) > 50
     assert len(seen) < 0.1 * len(found.impacts)
     assert respond.resolve.codes
+
+
+@pytest.mark.usefixtures('plain_kernels')
+def test_events_and_changes_of_modes_do_not_end_a_row(compiled_kernels, monkeypatch):
+    """Of what Python would do at an event, most is left; where a run is cut leaves it as it is."""
+    machine = ms.load_scene('gear_rattle')
+    plain = ms.simulate(machine, duration=0.5)
+    assert len(plain.impacts) > 400
+    assert len(plain.modes) > 20
+    responses, respond_to = [], EventLoop._respond
+    monkeypatch.setattr(EventLoop, '_respond', lambda *x: responses.append(x[1]) or respond_to(*x))
+    compiled_kernels()
+    found = ms.simulate(machine, duration=0.5)
+    assert found.digest() == plain.digest()
+    assert found.modes == plain.modes
+    assert len(responses) < 0.1 * len(found.impacts)
+    half = ms.simulate(machine, duration=0.2)
+    both = MotionDigest()
+    rest = ms.simulate(machine, duration=0.5, resume=half.snapshot)
+    assert [i.t for i in rest.impacts] == [i.t for i in plain.impacts][-len(rest.impacts) :]
+    both.add(rest.motion, rest.impacts)
+    again = ms.simulate(machine, duration=0.5, resume=half.snapshot)
+    other = MotionDigest()
+    other.add(again.motion, again.impacts)
+    assert both.hexdigest() == other.hexdigest()
 
 
 @pytest.mark.usefixtures('plain_kernels')

@@ -8,7 +8,7 @@ machine code itself, so that an event is one call. All that is kept of a machine
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +52,10 @@ DONE, FELL, SLIPS, STRIKES, RESTS, PARTS, PROJECTED, TURNED, MISSED = range(9)
 """Stages: event resolved; zero crossing of a guard of a gap, or of friction; impact; contacts
 at rest; separation; after a first and a second projection; search for missed events."""
 
-UNSOLVED, JAMMED, SHOCK = -1, -2, -3
+UNSOLVED, JAMMED, SHOCK, BESIDE = -1, -2, -3, -4
 """Instead of a stage: no impulses satisfy all contacts; no forces keep those at rest; an impact
-without collision must stop the slide of the guard's gap. The last two continue with `RESTS`."""
+without collision must stop the slide of the guard's gap, which both continue with `RESTS`; and
+after an event in a row of steps: a guard that is of no gap may have fallen."""
 
 NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
 """Function of the state that is evaluated before each stage."""
@@ -98,6 +99,10 @@ class EventArrays(NamedTuple):
     changes: Array  #: (n, 4) log: time, gap, mode, mode before; with room for 2 m rows
 
 
+Counters: TypeAlias = 'Indices | memoryview[int]'
+Reals: TypeAlias = 'Array | memoryview[float]'
+
+
 class Situation(NamedTuple):
     """Arrays of a run at an event, split into contact problem, limits and instant."""
 
@@ -136,7 +141,7 @@ def situation_of(run: EventArrays) -> Situation:
 
 
 @kernel
-def count(n: Indices, reals: Array, t: float) -> None:
+def count(n: Counters, reals: Reals, t: float) -> None:
     """Count an event at a time [s], with those before it at the same instant or close by."""
     n[EVENTS] += 1
     n[SIMULTANEOUS] = n[SIMULTANEOUS] + 1 if t == reals[LAST] else 0
@@ -145,7 +150,7 @@ def count(n: Indices, reals: Array, t: float) -> None:
 
 
 @kernel
-def begin(n: Indices, reals: Array, t: float, earlier: int) -> None:
+def begin(n: Counters, reals: Reals, t: float, earlier: int) -> None:
     """Begin to resolve an event at a time [s], after `earlier` ones at this instant."""
     reals[TIME] = t
     n[ROUNDS], n[AGAIN] = 0, earlier
@@ -560,7 +565,8 @@ def evaluate(run: EventArrays, state: Array, now: Array, addresses: Indices, sta
 def has_room(run: EventArrays) -> bool:
     """True if the logs have room for what a stage enters."""
     n, m = run.counters, run.gaps.shape[1]
-    return n[IMPACTS] + m <= len(run.impacts) and n[CHANGES] + 2 * m <= len(run.changes)
+    room = n[IMPACTS] + m <= len(run.impacts) and n[CHANGES] + 2 * m <= len(run.changes)
+    return bool(room)
 
 
 _ENDLESS = 2**62
