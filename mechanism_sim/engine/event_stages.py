@@ -48,6 +48,7 @@ class EventStages:
     ----------
     counters : counters of `run`, see `respond.STAGE`
     addresses : of the machine code of functions, see `respond.resolve`
+    rows : calls of `row_kernels.run_row`, which takes stages, too; set by what has its arrays
     fallen : guard of the last stage of an event
     changed : True if the last call changed any mode
     """
@@ -69,7 +70,7 @@ class EventStages:
         self._codes: list[Any] = []  # hold what the addresses are of
         state = present.integrator.state[: present.system.width]
         there = state, present.now, self.addresses
-        self._all = Response(respond.resolve, (*there, *known))
+        self.rows: Response
         self._look_there = Response(respond.look_there, (*there, *known))
 
     def see(self, stage: int) -> None:
@@ -78,7 +79,7 @@ class EventStages:
         function = getattr(present.system.functions, name)
         out = run.terms if stage < respond.PROJECTED else run.seen[: function.nouts]
         present.evaluate(function, out=out)
-        if self._all.compiled and not self.addresses[stage]:
+        if self.rows.compiled and not self.addresses[stage]:
             code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
             if code:  # `resolve` gets the address of the function's machine code
                 self._codes.append(code)
@@ -94,11 +95,11 @@ class EventStages:
 
     def resolve(self, stage: int, guard: int) -> int:
         """Take stages, for a guard or gap, as far as code is available; returns the next stage."""
-        if self._all.compiled:
+        if self.rows.compiled:
             if not self.addresses[stage]:
                 self.see(stage)
             self._present.set_time()
-            after = self.called(self._all, stage, guard)
+            after = self.called(self.rows, stage, guard)
             if after != stage:
                 return after
             guard = self.fallen

@@ -287,12 +287,24 @@ def _note(row: RowArrays, k: int, modes: Indices) -> None:
     row.whole[NOTED] += 1
 
 
+@kernel
+def _begin_event(row: RowArrays, run: EventArrays, guard: int, t: float) -> None:
+    """Begin the event of a guard at time `t` [s], where the last step ended."""
+    n = run.counters
+    count(n, run.reals, t)
+    begin(n, run.reals, t, n[SIMULTANEOUS])
+    for i in range(len(row.laws)):
+        run.reals[DRIVES + i] = _rate(row.laws[i], row.reals[TAU])
+    n[GUARD], n[STAGE] = guard, FELL if guard < len(run.gaps[MODE]) else SLIPS
+
+
 @entry
 def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int:
     """Take steps, and resolve the events at their ends; returns the number of steps.
 
     It stops before a step of which something is left to heyoka, and after an event of which
-    something is left to Python: then the counter of stages is not `DONE`.
+    something is left to Python: then the counter of stages is not `DONE`. Where that is not so
+    from the first, stages are all that is taken, and the next one is returned.
 
     Parameters
     ----------
@@ -301,7 +313,9 @@ def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int
     run = run_of(*arrays)
     n, reals, whole = run.counters, row.reals, row.whole
     state = row.state[: whole[_WIDTH]]
-    n[STAGE], whole[NOTED] = DONE, 0
+    if n[STAGE] != DONE:
+        return resolve(state, now, addresses, *arrays)
+    whole[NOTED] = 0
     if addresses[MISSED] == 0:
         return 0
     for k in range(whole[MOST]):
@@ -332,12 +346,8 @@ def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int
             if h < reach or reach == longest:
                 _stabilise(row, h)
             continue
-        count(n, run.reals, t)
-        begin(n, run.reals, t, n[SIMULTANEOUS])
-        for i in range(len(row.laws)):
-            run.reals[DRIVES + i] = _rate(row.laws[i], end)
-        n[GUARD], n[STAGE] = guard, FELL if guard < len(run.gaps[MODE]) else SLIPS
         changes = n[CHANGES]
+        _begin_event(row, run, guard, t)
         stage = resolve(state, now, addresses, *arrays)
         if n[CHANGES] > changes:
             _note(row, k, run.gaps[MODE])

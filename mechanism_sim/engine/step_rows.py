@@ -50,6 +50,7 @@ class StepRows:
     Attributes
     ----------
     ended : True if the last row ended with an event of which something is left to be done
+    resolves : True if events are resolved in rows
     """
 
     def __init__(
@@ -64,20 +65,20 @@ class StepRows:
         self._contacts, self._output, self._check = contacts, output, check
         self._gaps, self._present = contacts.state, contacts.present
         self._integrators, self._integrator = integrators, integrators.main
-        self._reals = np.zeros(LARGEST + 1)
-        self._reals[LONGEST], self._reals[QUICKEST] = longest, quickest
-        self._served = bool(self._integrator.with_events)
-        self._known: RowArrays | None = None
+        self._row = row = self._arrays()
+        self._whole: memoryview[int] = memoryview(cast(Any, row.whole))
+        self._now = floats(row.reals)
+        self._now[LONGEST], self._now[QUICKEST] = longest, quickest
+        #: whether machine code may serve, and does
+        self._served, self._serves = bool(self._integrator.with_events), False
         self._plain: Callable[[], int] | None = None
-        self._events: Response | None = None
         self._base: object = None
         self._code: Any = None
-        self.ended = False
-
-    @property
-    def resolves(self) -> bool:
-        """True if events are resolved in rows."""
-        return self._events is not None
+        self.ended = self.resolves = False
+        stages = self._gaps.stages
+        stages.rows = Response(
+            run_row, (row, self._present.now, stages.addresses, *self._gaps.known)
+        )
 
     def take(self, tau: float, limit: float, most: int, stride: float) -> float:
         """Take up to `most` steps from `tau` that end not later than `limit`; returns their end.
@@ -89,19 +90,18 @@ class StepRows:
         self.ended = False
         if not (take_row.is_compiled and self._served and self._integrators.main_holds):
             return tau
-        row = self._known
-        if row is None:
-            self._known = self._found()
+        row, reals = self._row, self._now
+        if not self._serves:
+            self._find_code()
             return tau
         if self._base is not self._present.base:
             self._see_base(row)
-        reals = self._now
         reals[TAU], reals[LIMIT], reals[STRIDE] = tau, limit, stride
         self._whole[MOST] = min(most, _STEPS.row)
-        if self._events:
+        if self.resolves:
             stages = self._gaps.stages
             begun = len(self._output.lengths)
-            count = stages.called(self._events, DONE, 0, _STEPS.row)
+            count = stages.called(stages.rows, DONE, 0, _STEPS.row)
             self.ended = stages.counters[STAGE] != DONE
             self._integrators.expect(stages.counters[EVENTS])
             for at, *modes in row.noted[: self._whole[NOTED]].tolist():
@@ -109,7 +109,8 @@ class StepRows:
                 self._output.mark(self._present.base, self._gaps.status, begun + at)
         else:
             if run_row.is_compiled and self._contacts.in_rows:
-                self._run_events(row)
+                self._gaps.stages.see(MISSED)
+                self.resolves = True
             self._plain = self._plain or take_row.bind(row)
             count = self._plain()
         if count:
@@ -122,13 +123,6 @@ class StepRows:
         if self._served and not take_row.is_compiled:
             take_row.charge(_SAVED * steps)
 
-    def _run_events(self, row: RowArrays) -> None:
-        """Let rows go on over events from now on."""
-        stages = self._gaps.stages
-        stages.see(MISSED)
-        there = self._present.now, stages.addresses
-        self._events = Response(run_row, (row, *there, *self._gaps.known))
-
     def _see_base(self, row: RowArrays) -> None:
         """Take over the instant that time counts from, and the laws from there on."""
         self._base = base = self._present.base
@@ -137,37 +131,39 @@ class StepRows:
         for own, law in zip(row.laws, base.laws, strict=True):
             own[: len(law)] = law
 
-    def _found(self) -> RowArrays | None:
-        """The arrays, with the addresses of the functions; None if machine code is unavailable."""
-        ta, system = self._integrator, self._present.system
-        code = ta.llvm_state.object_code  # of compact code several files
+    def _find_code(self) -> None:
+        """Find the functions of the integrator, if their machine code is available."""
+        code = self._integrator.llvm_state.object_code  # of compact code several files
         code = code if isinstance(code, bytes) else tuple(code)
         self._code = kernels.foreign_code(code, 'step_e', 'd_out_f')
         check = self._check
         address = check.address if check else 0
-        self._served = self._code is not None and (check is None or address > 0)
-        if not self._served:
-            return None
+        self._served = self._serves = bool(self._code) and (check is None or address > 0)
+        if self._serves:
+            self._row.whole[:3] = *self._code.addresses, address
+
+    def _arrays(self) -> RowArrays:
+        """The arrays, without the addresses of the functions."""
+        ta, system, check = self._integrator, self._present.system, self._check
         width, order, guards = system.width, ta.order + 1, len(system.guards)
         near = width + 1 + guards if system.relations else -1
         whole = np.array([
-            *self._code.addresses, address, 0, 0, width, ta.dim, near,
-            system.parameters.stabilisation, self._integrators.short_from,
-            sum(guard.gap >= 0 for guard in system.guards), system.lone, self._integrators.apart,
+            0, 0, 0, 0, 0, width, ta.dim, near, system.parameters.stabilisation,
+            self._integrators.short_from, sum(guard.gap >= 0 for guard in system.guards),
+            system.lone, self._integrators.apart,
         ])  # fmt: skip
-        closed = system.parameters.closed
-        shut = np.array([
-            closed[g.gap] if g.gap >= 0 and not g.friction else -1 for g in system.guards
-        ])  # fmt: skip
-        self._whole: memoryview[int] = memoryview(cast(Any, whole))
-        self._now = floats(self._reals)
-        most = _STEPS.row
+        closed, most = system.parameters.closed, _STEPS.row
+        shut = np.array(
+            [closed[g.gap] if g.gap >= 0 and not g.friction else -1 for g in system.guards],
+            dtype=np.int64,
+        )
         # of all terms, with a row for the last derivatives: at least as large as heyoka's
         tape = np.zeros((order + 1) * len(ta.decomposition) if ta.compact_mode else 0)
         return RowArrays(
-            ta.state, ta.pars, np.zeros(1), self._reals, whole, np.zeros((ta.dim + guards, order)),
-            np.zeros(order), shut, np.zeros(most), np.zeros(most), np.zeros((most, width * order)),
-            check.motion if check else NOTHING, np.zeros(2), root_arrays(order),
-            np.zeros(ta.dim), np.zeros((len(system.prescribed), system.degree + 1)), tape,
+            ta.state, ta.pars, np.zeros(1), np.zeros(LARGEST + 1), whole,
+            np.zeros((ta.dim + guards, order)), np.zeros(order), shut, np.zeros(most),
+            np.zeros(most), np.zeros((most, width * order)), check.motion if check else NOTHING,
+            np.zeros(2), root_arrays(order), np.zeros(ta.dim),
+            np.zeros((len(system.prescribed), system.degree + 1)), tape,
             np.zeros((most, 1 + len(system.gaps)), dtype=np.int64),
         )  # fmt: skip

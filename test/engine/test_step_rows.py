@@ -9,8 +9,7 @@ import pytest
 from builders import made
 
 import mechanism_sim as ms
-from mechanism_sim.engine import event_stages, step_rows
-from mechanism_sim.engine.contact import respond
+from mechanism_sim.engine import event_stages, row_kernels, step_rows
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.row_kernels import end_of, stays
@@ -101,7 +100,7 @@ def test_an_event_is_one_call(compiled_kernels, monkeypatch):
     found = ms.simulate(scene, revolutions=3.0)
     assert len(found.impacts) > 50
     assert len(seen) < 0.1 * len(found.impacts)
-    assert respond.resolve.codes
+    assert row_kernels.run_row.codes
 
 
 @pytest.mark.usefixtures('plain_kernels')

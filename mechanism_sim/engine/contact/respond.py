@@ -572,7 +572,7 @@ def has_room(run: EventArrays) -> bool:
 _ENDLESS = 2**62
 
 
-@entry
+@kernel
 def resolve(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
     """Take stages from that of the counters on; returns the next stage, `DONE` at the end.
 
