@@ -13,11 +13,14 @@ from benchmarks.problem import Answer, Method, Outcome, Run, run_once
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impacts
+from mechanism_sim.numerics import kernels
 from mechanism_sim.scene import Machine
 
 
 def event_loop(machine: Machine, end: float, answer: Callable[[Motion, Impacts], Answer]) -> Run:
     """The event loop of `simulate` from the start to `end` [s]; `answer` is not timed.
+
+    Kernels are machine code, as runs of a second or more let them be.
 
     Raises
     ------
@@ -27,6 +30,7 @@ def event_loop(machine: Machine, end: float, answer: Callable[[Motion, Impacts],
     loop, state = machine.start(), machine.initial_state()
     if not isinstance(loop, EventLoop):
         raise TypeError(f'{machine.name} has no equations of motion')
+    kernels.compile_kernels()
 
     def run() -> Callable[[], Outcome]:
         loop.restart(state)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.clock import rounded_sum
-from mechanism_sim.engine.contact.problem import FLIES
+from mechanism_sim.engine.contact.problem import FLIES, STICKS
 from mechanism_sim.engine.contact.respond import (
     BESIDE,
     CHANGES,
@@ -65,7 +65,7 @@ state."""
 largest number of steps, number of changes of modes; number of states kept, and of all; index of
 the state for singular positions, or -1; index of the stabilisation; number of events from which
 short steps are not taken here; number of guards whose events are resolved here, the first ones;
-whether there is one guard, of a place; whether a change of modes may let other equations hold."""
+whether there is one guard, of a place; whether other equations hold where a contact sticks."""
 
 
 class RowArrays(NamedTuple):
@@ -279,6 +279,14 @@ def _are_clear(run: EventArrays, state: Array, now: Array, addresses: Indices, g
 
 
 @kernel
+def _stick(modes: Indices) -> bool:
+    found = False
+    for mode in modes:
+        found = found or mode == STICKS
+    return found
+
+
+@kernel
 def _note(row: RowArrays, k: int, modes: Indices) -> None:
     """Note the modes after step `k`."""
     noted = row.noted[row.whole[NOTED]]
@@ -356,6 +364,6 @@ def run_row(row: RowArrays, now: Array, addresses: Indices, *arrays: Any) -> int
         if not n[WATCHED] and not _are_clear(run, state, now, addresses, -1):
             n[STAGE] = BESIDE
             return k + 1
-        if n[CHANGES] > changes and whole[_STICKS]:
+        if whole[_STICKS] and _stick(run.gaps[MODE]):
             return k + 1
     return int(whole[MOST])
