@@ -22,16 +22,14 @@ from mechanism_sim.engine.contact.problem import (
 )
 from mechanism_sim.engine.dense_output import Status, floats
 from mechanism_sim.engine.event_stages import EventStages
-from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog, StopReason
+from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.engine.guards import force_scale
 from mechanism_sim.engine.present_state import PresentState, rate_of
-from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
-_STEPS = TOLERANCES.steps
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
@@ -144,33 +142,6 @@ class ContactState:
     @horizon.setter
     def horizon(self, longest: float) -> None:
         self._reals[respond.HORIZON] = longest
-
-    @property
-    def counts(self) -> tuple[float, int, int]:
-        """Time [s] of the last event, number of those before it at its instant, and of all."""
-        n = self.stages.counters
-        return self._reals[respond.LAST], n[respond.SIMULTANEOUS], n[respond.EVENTS]
-
-    @counts.setter
-    def counts(self, counts: tuple[float, int, int]) -> None:
-        n = self.stages.counters
-        self._reals[respond.LAST], n[respond.SIMULTANEOUS], n[respond.EVENTS] = counts
-        n[respond.CROWDED] = 0
-
-    def count_event(self, t: float) -> int:
-        """Count an event at a time [s]; returns how many were before it at this instant.
-
-        Raises
-        ------
-        RunError
-            If too many follow each other.
-        """
-        n = self.stages.counters
-        respond.count(n, self._reals, t)
-        many = n[respond.SIMULTANEOUS] > _STEPS.simultaneous
-        if many or n[respond.CROWDED] > _STEPS.crowded:
-            raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
-        return n[respond.SIMULTANEOUS]
 
     def begin_event(self, t: float, earlier: int = 0) -> None:
         """Set the time of an event [s] in the arrays, and the number of those before it there.

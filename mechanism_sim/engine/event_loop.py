@@ -141,7 +141,7 @@ class EventLoop:
     @property
     def events(self) -> int:
         """Number of events since the start."""
-        return self._gaps.counts[2]
+        return self._gaps.stages.counts[2]
 
     @property
     def steps(self) -> int:
@@ -246,7 +246,7 @@ class EventLoop:
         if guard is None:
             self._contacts.finish()
         else:
-            earlier = self._gaps.count_event(t := self._present.base.at(tau))
+            earlier = self._gaps.stages.count(t := self._present.base.at(tau))
             self._integrators.expect(self.events)
             self._contacts.handle(guard, t, earlier)
         self._ta.reset_cooldowns()
@@ -318,7 +318,7 @@ class EventLoop:
         self._pending = None
         turns = dict(zip(self._system.free, state.turns, strict=True))
         self._laws.count_from(state.time, turns)
-        self._gaps.counts = -math.inf, 0, 0
+        self._gaps.stages.counts = -math.inf, 0, 0
         self._integrators.expect(0)
         self._gaps.impacts.count, self._gaps.horizon = 0, math.inf
         if self._touches:
@@ -338,7 +338,7 @@ class EventLoop:
             began = self._pending.origin
             state = self._ta.tc[:, 0] if began is None else began
         touches = self._touches.follow(self._output.motion())[0] if self._touches else ()
-        last, simultaneous, events = gaps.counts
+        last, simultaneous, events = gaps.stages.counts
         return Snapshot(
             '',
             self._present.base.time,
@@ -381,7 +381,7 @@ class EventLoop:
         self._gaps.impacts.count = self._gaps.changes.count = 0
         self._pending = None
         laws.next_base = s.next_base
-        self._gaps.counts = s.last_event, *s.events
+        self._gaps.stages.counts = s.last_event, *s.events
         self._integrators.expect(self.events)
         self._leave_singular(_SINGULAR.beside)
         self._go_on()

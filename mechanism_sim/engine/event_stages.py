@@ -8,12 +8,17 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact import respond
-from mechanism_sim.engine.events import ImpactLog, ModeLog
+from mechanism_sim.engine.dense_output import floats
+from mechanism_sim.engine.events import ImpactLog, ModeLog, StopReason
 from mechanism_sim.engine.present_state import PresentState
+from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.kernels import BoundCall, Kernel, foreign_code
+from mechanism_sim.tolerances import TOLERANCES
+
+_STEPS = TOLERANCES.steps
 
 
-class Response:
+class ArrayCall:
     """Calls of a kernel on the arrays of a run, which stay where they are, but for the logs."""
 
     def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
@@ -64,14 +69,42 @@ class EventStages:
         self._present, self._run = present, run
         self._impacts, self._changes = impacts, changes
         self.counters: memoryview[int] = memoryview(cast(Any, run.counters))
+        self._reals = floats(run.reals)
         self.fallen, self.changed = respond.DONE, False
-        self._one, self._look = Response(respond.respond, known), Response(respond.look, known)
+        self._one, self._look = ArrayCall(respond.respond, known), ArrayCall(respond.look, known)
         self.addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
         self._codes: list[Any] = []  # hold what the addresses are of
         state = present.integrator.state[: present.system.width]
         there = state, present.now, self.addresses
-        self.rows: Response
-        self._look_there = Response(respond.look_there, (*there, *known))
+        self.rows: ArrayCall
+        self._look_there = ArrayCall(respond.look_there, (*there, *known))
+
+    @property
+    def counts(self) -> tuple[float, int, int]:
+        """Time [s] of the last event, number of those before it at its instant, and of all."""
+        n = self.counters
+        return self._reals[respond.LAST], n[respond.SIMULTANEOUS], n[respond.EVENTS]
+
+    @counts.setter
+    def counts(self, counts: tuple[float, int, int]) -> None:
+        n = self.counters
+        self._reals[respond.LAST], n[respond.SIMULTANEOUS], n[respond.EVENTS] = counts
+        n[respond.CROWDED] = 0
+
+    def count(self, t: float) -> int:
+        """Count an event at a time [s]; returns how many were before it at this instant.
+
+        Raises
+        ------
+        RunError
+            If too many follow each other.
+        """
+        n = self.counters
+        respond.count(n, self._reals, t)
+        many = n[respond.SIMULTANEOUS] > _STEPS.simultaneous
+        if many or n[respond.CROWDED] > _STEPS.crowded:
+            raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
+        return n[respond.SIMULTANEOUS]
 
     def see(self, stage: int) -> None:
         """Evaluate the function that a stage needs, see `respond.NEEDS`, at the present state."""
@@ -118,7 +151,7 @@ class EventStages:
             guard = self.called(self._look, respond.MISSED, beside)
         return guard if guard >= 0 else None
 
-    def called(self, call: Response, stage: int, guard: int, events: int = 1) -> int:
+    def called(self, call: ArrayCall, stage: int, guard: int, events: int = 1) -> int:
         """Call a kernel with room for some events in the logs, and take over what it entered."""
         counters, impacts, changes = self.counters, self._impacts, self._changes
         gaps = counters[respond.LAYOUT] * events

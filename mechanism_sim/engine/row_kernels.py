@@ -69,13 +69,13 @@ whether there is one guard, of a place; whether other equations hold where a con
 
 
 class RowArrays(NamedTuple):
-    """The arrays of a row of steps."""
+    """The arrays of a row of up to n steps with m gaps."""
 
     state: Array  #: state of the integrator, changed in place
     parameters: Array  #: runtime parameters of the integrator, changed in place
     time: Array  #: (1,) time argument of the integrator's functions
-    reals: Array  #: see `_TAU`
-    whole: Indices  #: see `STEP`
+    reals: Array  #: see `TAU`
+    whole: Indices  #: see `_STEP`
     jets: Array  #: (states + guards, order + 1) Taylor coefficients of a step
     scaled: Array  #: (order + 1,) overwritten
     shut: Indices  #: (guards,) see `stays`

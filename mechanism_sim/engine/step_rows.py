@@ -10,7 +10,7 @@ import numpy as np
 from mechanism_sim.engine.contact.respond import DONE, EVENTS, MISSED, STAGE
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, floats
-from mechanism_sim.engine.event_stages import Response
+from mechanism_sim.engine.event_stages import ArrayCall
 from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.row_kernels import (
     BASE,
@@ -76,7 +76,7 @@ class StepRows:
         self._code: Any = None
         self.ended = self.resolves = False
         stages = self._gaps.stages
-        stages.rows = Response(
+        stages.rows = ArrayCall(
             run_row, (row, self._present.now, stages.addresses, *self._gaps.known)
         )
 
