@@ -19,6 +19,7 @@ from mechanism_sim.engine.contact.problem import (
     STICKS,
 )
 from mechanism_sim.errors import RunError, check_known
+from mechanism_sim.tolerances import TOLERANCES
 
 
 class Mode(IntEnum):
@@ -231,7 +232,8 @@ class EventLog:
 
     def __init__(self, joints: Sequence[str], width: int) -> None:
         self._joints = joints
-        self.rows = np.empty((64, width))
+        # rows of steps have room for an event in each of them, from the first on
+        self.rows = np.empty((4 * TOLERANCES.steps.row * max(1, len(joints)), width))
         self.count = 0
 
     def reserve(self, more: int) -> None:

@@ -98,6 +98,9 @@ class StepRows:
             self._see_base(row)
         reals[TAU], reals[LIMIT], reals[STRIDE] = tau, limit, stride
         self._whole[MOST] = min(most, _STEPS.row)
+        if not self.resolves and run_row.is_compiled and self._contacts.in_rows:
+            self._gaps.stages.see(MISSED)
+            self.resolves = True
         if self.resolves:
             stages = self._gaps.stages
             begun = len(self._output.lengths)
@@ -108,9 +111,6 @@ class StepRows:
                 self._gaps.modes = tuple(modes)
                 self._output.mark(self._present.base, self._gaps.status, begun + at)
         else:
-            if run_row.is_compiled and self._contacts.in_rows:
-                self._gaps.stages.see(MISSED)
-                self.resolves = True
             self._plain = self._plain or take_row.bind(row)
             count = self._plain()
         if count:
