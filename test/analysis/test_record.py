@@ -341,10 +341,10 @@ def test_a_message_of_the_motion_that_somebody_sends_again_is_left_out(tmp_path,
             if name == '/motion' and motions == 3:
                 writer.write(name, first, time)
     assert motions > 3
-    with pytest.warns(RunWarning, match='a message of the motion that begins at 0 s, after one'):
+    with pytest.warns(RunWarning, match='left out, as if recorded twice or.* 1 of /motion'):
         found = analyze(again)
     assert found.digest == analyze(whole).digest
-    with pytest.warns(RunWarning, match='is left out'):
+    with pytest.warns(RunWarning, match='are left out'):
         assert len(read_record(again).piece.motion) == len(rough.piece.motion)
 
 
