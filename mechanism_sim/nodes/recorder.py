@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.ideal import WORLD
@@ -14,7 +15,7 @@ from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
-from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS, policies
+from mechanism_sim.nodes.qos import HEARD, PROFILES, RESULTS, policies
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.runs import next_bag
 from mechanism_sim.recording.writer import FLUSH_PERIOD, BagWriter
@@ -62,7 +63,7 @@ class Recorder(SimulationNode):
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._ahead: list[tuple[str, bytes, int]] = []  # messages of the next run, with times
         for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners.names):
-            deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
+            deep = HEARD.get(delivery, PROFILES[delivery])
             name = self.resolve_topic_name(topic)
             self._topics[name] = kind, PROFILES[delivery]
             callback = self._make_callback(name, type_name(kind), delivery == 'latched')
@@ -161,9 +162,13 @@ class Recorder(SimulationNode):
         if topic == self.resolve_topic_name('joint_states'):
             names = [name.encode() for name in self.machine.physics.coordinates]
             return lambda data: _names_of(data) == names
+        frames = [self.frame(body.name) for body in self.machine.mechanism.bodies]
+        if topic == self.resolve_topic_name('robot_description'):
+            tags = [f'<link name={quoteattr(x)}'.encode() for x in (self.frame(WORLD), *frames)]
+            return lambda data: all(tag in data for tag in tags)
         if topic not in map(self.resolve_topic_name, ('/tf', '/tf_static')):
             return None
-        links = [self.frame(body.name).encode() for body in self.machine.mechanism.bodies]
+        links = [frame.encode() for frame in frames]
         parents, joint = {self.frame(WORLD).encode(), *links}, self.frame('joint/').encode()
 
         def is_ours(data: bytes) -> bool:

@@ -7,6 +7,7 @@ from mcap.reader import make_reader
 from middleware_network import eventually, joined
 
 from mechanism_sim.errors import RunError
+from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import (
     Clock,
     Header,
@@ -23,6 +24,7 @@ from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecut
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.scene import load_scene
 from zenoh_rclpy.arguments import parse_arguments
 
 SCENE = 'four_bar_clearance'
@@ -239,3 +241,41 @@ def test_a_bag_has_nothing_of_a_robot_beside_the_machine(rules, tmp_path, monkey
         (topics[TFMessage], 500_000_000),
         ('/progress', 1_000_000_000),
     ]
+
+
+@pytest.mark.parametrize('prefix', ['', 'left/', 'a&b/'])
+@pytest.mark.usefixtures('network')
+def test_a_description_in_a_bag_is_that_of_its_machine(prefix, tmp_path):
+    """One of a robot, heard first, was there in its place, and ours in the bag of the next run."""
+    bag, arm = tmp_path / 'run.mcap', '<robot name="arm"><link name="world"/></robot>'
+    own = to_urdf(load_scene(SCENE), prefix)
+    given = {'scene': SCENE, 'file': str(bag), 'partners': 'linkage', 'frame_prefix': prefix}
+    partner, robot, executor, heard = Node('linkage'), Node('arm'), SingleThreadedExecutor(), []
+    partner.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+    partner.create_subscription(String, 'robot_description', heard.append, LATCHED)
+    reports = partner.create_publisher(Progress, 'progress', RESULTS)
+    mine, theirs = (
+        node.create_publisher(String, 'robot_description', LATCHED) for node in (partner, robot)
+    )
+    theirs.publish(String(data=arm))
+    recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
+    for node in (partner, recorder):
+        executor.add_node(node)
+
+    def spin_until(condition):
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or condition())
+
+    try:
+        spin_until(lambda: recorder.ready and heard)
+        for publisher, text in ((mine, own), (theirs, arm)):  # the last may hide the one before
+            publisher.publish(String(data=text))
+        spin_until(lambda: [m.data for m in heard[1:]][-1:] == [arm])
+        reports.publish(Progress(node='linkage', time=1.0, header=Header(stamp=stamp(1.0))))
+        spin_until(lambda: recorder.partners.reports)
+        spin_until(lambda: recorder.writer.counts['/robot_description'])
+    finally:
+        for node in (recorder, partner):
+            executor.remove_node(node)
+        for node in (recorder, partner, robot):
+            node.destroy_node()
+    assert [m.data for _, m, _ in read_bag(bag).messages('/robot_description')] == [own]
