@@ -15,10 +15,12 @@ from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
+from mechanism_sim.nodes.partners import SAY_AGAIN
 from mechanism_sim.nodes.qos import HEARD, PROFILES, RESULTS, policies
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.runs import next_bag
 from mechanism_sim.recording.writer import FLUSH_PERIOD, BagWriter
+from ros_interfaces.names import full_node_name
 from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _STAMP = struct.Struct('<iI')
@@ -131,8 +133,15 @@ class Recorder(SimulationNode):
                 whole, part = _STAMP.unpack_from(data, offset)
                 now = whole * NANOSECONDS + part
                 if is_clock:
-                    # Of the previous run, recognised by its time only, or of another machine.
-                    if self._ended or now > self._announced or self._clocks() == (False, True):
+                    # Of the previous run, recognised by its time only, or perhaps of another
+                    # machine: nothing in a message says who publishes it.
+                    own_clock, others = self._clocks()
+                    if own_clock and others and not self._ended:
+                        self.get_logger().warning(
+                            f'{others[0]} publishes {topic}, too: meanwhile it is not recorded',
+                            throttle_duration_sec=SAY_AGAIN,
+                        )
+                    if self._ended or now > self._announced or others:
                         return
                     self._clock_time = now
                 if not latched:
@@ -271,15 +280,16 @@ class Recorder(SimulationNode):
         return nanoseconds(drive.header.stamp) if drive else 0
 
     def _clock_ended(self) -> bool:
-        """True if the clock of the drive has reached the end, or the drive has none."""
-        return self._clock_time >= self._announced or not self._clocks()[0]
+        """True if the clock of the drive has reached the end, or the drive has none alone."""
+        own_clock, others = self._clocks()
+        return self._clock_time >= self._announced or not own_clock or bool(others)
 
-    def _clocks(self) -> tuple[bool, bool]:
-        """True if the drive of this machine has a clock, and if any other node has one."""
-        drive = 'crank_drive', self.get_namespace()
+    def _clocks(self) -> tuple[bool, list[str]]:
+        """True if the drive of this machine has a clock, and the other nodes that have one."""
+        drive = full_node_name(self.get_namespace(), 'crank_drive')
         publishers = self.get_publishers_info_by_topic('/clock')
-        own = [(info.node_name, info.node_namespace) == drive for info in publishers]
-        return True in own, False in own
+        names = {full_node_name(info.node_namespace, info.node_name) for info in publishers}
+        return drive in names, sorted(names - {drive})
 
     def diagnose(self) -> Diagnosis:
         """Statistics of the bag."""

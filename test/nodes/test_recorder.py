@@ -279,3 +279,50 @@ def test_a_description_in_a_bag_is_that_of_its_machine(prefix, tmp_path):
         for node in (recorder, partner, robot):
             node.destroy_node()
     assert [m.data for _, m, _ in read_bag(bag).messages('/robot_description')] == [own]
+
+
+@pytest.mark.parametrize('remapped', [False, True])
+@pytest.mark.usefixtures('network')
+def test_a_clock_in_a_bag_is_that_of_its_machine_alone(remapped, tmp_path, monkeypatch, capfd):
+    """Of two, a bag had both in turn, and its time went back; it does not wait for an end then."""
+    bag = tmp_path / 'run.mcap'
+    given = {'scene': SCENE, 'file': str(bag), 'partners': 'crank_drive'}
+    drive, left, executor = (
+        Node('crank_drive'),
+        Node('crank_drive', namespace='/left'),
+        SingleThreadedExecutor(),
+    )
+    rules = ['--ros-args', '-r', '/clock:=time'] * remapped
+    monkeypatch.setattr(drive.context, 'arguments', parse_arguments(rules))
+    drive.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+    recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
+    topic = recorder.resolve_topic_name('/clock')
+    mine, theirs = (node.create_publisher(Clock, topic, CLOCK) for node in (drive, left))
+    reports = drive.create_publisher(Progress, 'progress', RESULTS)
+    for node in (drive, recorder):
+        executor.add_node(node)
+
+    def spin_until(condition):
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or condition())
+
+    def report(t, **more):
+        header = Header(stamp=stamp(t))
+        reports.publish(Progress(node='crank_drive', time=t, header=header, **more))
+        spin_until(lambda: recorder.partners.time == t)
+
+    try:
+        spin_until(lambda: recorder.ready)
+        report(1.0)
+        for t, publisher in ((0.5, mine), (0.9, theirs), (0.6, mine)):
+            publisher.publish(Clock(clock=stamp(t)))
+        report(1.5)
+        report(2.0, finished=True)
+        spin_until(lambda: recorder.done)
+    finally:
+        for node in (recorder, drive):
+            executor.remove_node(node)
+        for node in (recorder, drive, left):
+            node.destroy_node()
+    assert not read_bag(bag).topics[topic].count
+    said = f'/left/crank_drive publishes {topic}, too: meanwhile it is not recorded'
+    assert capfd.readouterr().err.count(said) == 1
