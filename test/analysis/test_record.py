@@ -424,6 +424,24 @@ def test_the_summary_has_the_vibration_of_a_bag_of_a_sweep_from_its_motion(tmp_p
     assert shorter.absent[-1].endswith('is missing: no vibration after it')
 
 
+def test_a_bag_that_is_still_being_recorded_is_not_said_to_be_cut_short(bag, tmp_path, capsys):
+    path, source = tmp_path / 'now.mcap', read_bag(bag)
+    with BagWriter(path) as writer:
+        for topic in source.topics.values():
+            writer.add_topic(topic.name, topic.type, topic.qos or Qos())
+        for name, message, t in source.raw():
+            writer.write(name, message, t)
+        writer.flush()
+        for name, *rest in (['analyze'], ['plot', 'gap', '-o', str(tmp_path / 'gap.csv')]):
+            with pytest.raises(SystemExit) as ended:
+                main([name, str(path), *rest])
+            assert not ended.value.code
+    said = capsys.readouterr()
+    assert '(STILL BEING RECORDED: what could be read is analysed)' in said.out
+    assert f'{path} is still being recorded; what could be read is shown' in said.err
+    assert 'cut short' not in (said.out + said.err).lower()
+
+
 def test_of_a_bag_with_runs_before_and_after_a_reset_the_first_is_read(tmp_path):
     """As that of ros2 bag, which knows of no runs: motion and impacts of both were one."""
     single, both = (
