@@ -19,6 +19,7 @@ BEGIN, END = '--ros-args', '--'
 ALL_NODES = '/**'
 _REMAP = re.compile(r'(?:([A-Za-z_]\w*):(?![/=]))?((?:ros(?:topic|service)://)?[^:=]+):=(.+)')
 _PARAMETER = re.compile(r'(?:([/\w]+):)?([^:=*]+):=(.*)', re.DOTALL)
+_NODE = '__node', '__name'  # in rules for names of nodes
 _LOGS = ('rosout-logs', 'stdout-logs', 'external-lib-logs')
 
 
@@ -50,7 +51,7 @@ class Arguments:
 
     def node_name(self, name: str) -> str:
         """Name of a node after ``-r __node:=name``."""
-        return self._special(('__node', '__name'), name) or name
+        return self._special(_NODE, name) or name
 
     def namespace(self, node: str) -> str | None:
         """Namespace that ``-r __ns:=/namespace`` gives to a node."""
@@ -128,7 +129,17 @@ def _read_remap(found: Arguments, text: str) -> None:
     rule = _REMAP.fullmatch(text)
     if rule is None:
         raise InvalidArgumentsError(f'{BEGIN} -r {text}: a rule for names reads old:=new')
-    found.remaps.append(Remap(*rule.groups()))
+    remap = Remap(*rule.groups())
+    try:
+        if remap.old == '__ns':
+            names.resolve_namespace(remap.new)
+        elif remap.old in _NODE:
+            names.check_node_name(remap.new)
+        else:
+            names.resolve(remap.new, '/', 'node')
+    except names.InvalidNameError as error:
+        raise InvalidArgumentsError(f'{BEGIN} -r {text}: {error}') from error
+    found.remaps.append(remap)
 
 
 def _read_parameter(found: Arguments, text: str) -> None:

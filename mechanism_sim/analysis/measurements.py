@@ -10,7 +10,7 @@ import numpy as np
 
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.open_run import MessageRun
-from mechanism_sim.analysis.record import find_topics, machine_of
+from mechanism_sim.analysis.record import RunOrder, find_topics, machine_of
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import assume, named_unit
@@ -40,9 +40,11 @@ _FAR, _LONG = 1000.0, 10.0
 
 def _signal_of(bag: Bag, sensor: str | None, topics: Sequence[str]) -> Signal:
     """The signal of a sensor of a bag; of its only one, if none is named."""
-    collectors = SignalCollectors()
-    for _, message, _ in bag.messages(topics):
-        collectors.add(message)
+    collectors, order = SignalCollectors(), RunOrder()
+    for topic, message, _ in bag.messages(topics):
+        if order.keeps(topic, 'sensors', message):
+            collectors.add(message)
+    order.warn(bag)
     known = ', '.join(sorted(collectors))
     if not collectors:
         raise _without_signal(bag)

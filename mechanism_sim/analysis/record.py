@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors, measured
+from mechanism_sim.analysis.published import PARTS
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.dense_output import GrowingMotion, Motion
@@ -38,6 +40,7 @@ from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.run import Piece, part_of, signal_table
 from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.tables import Table
 from mechanism_sim.units import counted, instant
@@ -61,7 +64,11 @@ KINDS = {
 SHARED = ('sensors', 'progress')
 #: Topics that are no longer read, with the version of bags that ended them.
 _RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
+_LEVELS = {'sensors': 2}  # KIND/NAME
 _RUN = 'motion', 'impacts', 'mode_changes'
+_PART = {kind: part.part for kind, part in PARTS.items()}
+_PART |= {'mode_changes': 'joint', 'sensors': 'sensor'}
+"""Fields with the names of parts whose messages share a topic."""
 _ZEROS = np.zeros((0, 0))
 NOTHING = Motion(
     PiecewisePolynomial(
@@ -499,10 +506,52 @@ class RecordedPiece:
     modes: list[ModeChange] = field(default_factory=list)
 
 
+class RunOrder:
+    """Filter of the messages of one run: numbers of impacts and times of each part rise.
+
+    What does not rise is recorded twice, as in a bag that was merged of two, or comes from outside
+    the run.
+    """
+
+    def __init__(self) -> None:
+        self.left_out: Counter[str] = Counter()  #: messages by topic
+        self._last: dict[tuple[str, str], tuple[float, int]] = {}  # place, mode by topic and part
+
+    def keeps(self, topic: str, kind: str, message: Any) -> bool:
+        """Enter the message that follows; False if it is to be left out."""
+        if kind in {'drive', 'progress'} or (kind == 'sensors' and not len(message.samples)):
+            return True  # what they say holds from the last one on
+        part = str(getattr(message, _PART.get(kind, ''), ''))
+        place = message.index if kind == 'impacts' else message.time
+        last, mode = self._last.get((topic, part), (-math.inf, 0))
+        if kind == 'mode_changes':  # several of one instant follow one from the other
+            follows = place == last and message.previous_mode == mode
+            mode = message.mode
+        else:
+            follows = False
+        if kept := bool(place > last or follows):
+            self._last[topic, part] = place, mode
+        else:
+            self.left_out[topic] += 1
+        return kept
+
+    def warn(self, bag: Bag) -> None:
+        """Warn of what was left out."""
+        if self.left_out:
+            each = ', '.join(f'{count} of {topic}' for topic, count in self.left_out.items())
+            warnings.warn(
+                f'{bag.path}: messages that do not follow those before them are left out, as if '
+                f'recorded twice or sent from outside the run: {each}',
+                RunWarning,
+                stacklevel=3,
+            )
+
+
 def pieces(
     bag: Bag,
     namespace: str | None = None,
     others: Mapping[str, Callable[[Any], object]] | None = None,
+    order: RunOrder | None = None,
 ) -> Iterator[RecordedPiece]:
     """The pieces of a run, in one pass over its bag; at the end, events without a motion.
 
@@ -512,23 +561,16 @@ def pieces(
     ----------
     namespace : namespace of the machine, if the bag holds several
     others : callbacks for messages of further kinds of topics (see `KINDS`)
+    order : filter of the messages, which knows then what was left out
     """
-    others, topics = others or {}, find_topics(bag, namespace)
+    others, topics, order = others or {}, find_topics(bag, namespace), order or RunOrder()
     kinds = {name: kind for kind in (*_RUN, *others) for name in topics[kind]}
     impacts: list[Any] = []  # their messages
     modes: list[ModeChange] = []
     last = -1, -math.inf, 0.0
     for topic, message, _ in bag.messages(kinds):
         kind = kinds[topic]
-        if kind == 'impacts':
-            impacts.append(message)
-        elif kind == 'mode_changes':
-            try:
-                pair = Mode(message.mode), Mode(message.previous_mode)
-            except ValueError as error:
-                raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
-            modes.append(ModeChange(message.time, message.joint, *pair))
-        elif kind == 'motion':
+        if kind == 'motion':
             names, motion = (tuple(message.coordinates), tuple(message.joints)), motion_of(message)
             begins = message.run, math.inf, 0.0
             if curve := motion.curve if len(motion) else None:  # far off a start needs both
@@ -540,19 +582,25 @@ def pieces(
                     stacklevel=2,
                 )
                 break
-            if begins <= last:  # sent from outside the run
-                warnings.warn(
-                    f'{bag.path}: a message of the motion that begins at {instant(begins[1])} s, '
-                    f'after one that begins at {instant(last[1])} s, is left out',
-                    RunWarning,
-                    stacklevel=2,
-                )
+            if begins <= last:
+                order.left_out[topic] += 1
                 continue
             last = begins if len(motion) else last
             yield RecordedPiece(*names, motion, _impacts(impacts), modes)
             impacts, modes = [], []
+        elif not order.keeps(topic, kind, message):
+            continue
+        elif kind == 'impacts':
+            impacts.append(message)
+        elif kind == 'mode_changes':
+            try:
+                pair = Mode(message.mode), Mode(message.previous_mode)
+            except ValueError as error:
+                raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
+            modes.append(ModeChange(message.time, message.joint, *pair))
         else:
             others[kind](message)
+    order.warn(bag)
     if impacts or modes:
         yield RecordedPiece(impacts=_impacts(impacts), modes=modes)
 
@@ -595,8 +643,8 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
         names = tuple(topic.name for topic in own if topic.type == type_name)
         if len(names) > 1 and kind not in SHARED:  # else it may be remapped to any name
             names = tuple(n for n in names if n.rpartition('/')[2] == kind) or names
-        # Sensors have a topic each, KIND/NAME: two of one name are of two machines.
-        ends = [name.rsplit('/', 2 if kind == 'sensors' else 1) for name in names]
+        # Sensors have a topic each: two of one name are of two machines.
+        ends = [name.rsplit('/', _LEVELS.get(kind, 1)) for name in names]
         alike = [end for _, *end in ends] if kind == 'sensors' else []
         same = [e for e in ends if kind not in SHARED or alike.count(e[1:]) > 1]
         if len(same) > 1:
@@ -614,6 +662,11 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
 
 def _homes(bag: Bag) -> list[str]:
     """Namespaces with topics of a machine under their own names, as '/left'; empty for '/'."""
-    parted = [(*topic.name.rpartition('/'), topic.type) for topic in bag.topics.values()]
-    own = [home for home, slash, last, kind in parted if slash and KINDS.get(last) == kind]
-    return sorted({*own})
+    kinds = {type_name: kind for kind, type_name in KINDS.items()}
+    own = set()
+    for topic in bag.topics.values():
+        kind = kinds.get(topic.type, '')
+        home, *last = topic.name.rsplit('/', _LEVELS.get(kind, 1))
+        if last == [kind] or (kind == 'sensors' and last[0] in SENSORS):
+            own.add(home)
+    return sorted(own)

@@ -35,6 +35,7 @@ from mechanism_sim.analysis.published import (
 from mechanism_sim.analysis.record import (
     KINDS,
     RecordedPiece,
+    RunOrder,
     check_motion,
     find_topics,
     gaps,
@@ -466,10 +467,11 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     parts = {topic: PublishedParts(topic) for topic in PARTS}
     peaks, unknown = _peaks(bag, namespace) if present['motion'] else (None, '')
     channels = _Channels(peaks.machine if peaks and not present['sensors'] else None, vibration)
+    order = RunOrder()
     for piece in pieces(bag, namespace, {
         'linkage_state': energy.add, 'sensors': vibration.add, 'progress': accounts.add,
         **{topic: part.add for topic, part in parts.items()},
-    }):  # fmt: skip
+    }, order):  # fmt: skip
         crank.add(piece)
         if peaks and len(piece.motion):
             try:
@@ -512,7 +514,9 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         energy=energy.summary(),
         parts={k: part.summary(of_motion) for k, part in parts.items() if present[k]},
         vibration=vibration.summary(crank.turned) if present['sensors'] or channels.any else None,
-        ledger=accounts.summary({topic.name: topic.count for topic in bag.topics.values()}),
+        ledger=accounts.summary(
+            {name: topic.count - order.left_out[name] for name, topic in bag.topics.items()}
+        ),
         digest=digest.hexdigest() if moved is not None else None,
         absent=(),
     )
@@ -580,9 +584,11 @@ def _peaks(bag: Bag, namespace: str | None) -> tuple[LoadPeaks | None, str]:
 
 def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSummary | None:
     """The loads at the instants that were published, where the motion has none."""
-    ranges = PublishedRanges()
-    for _, message, _ in bag.messages(topics):
-        ranges.add(float(message.time), loads_of(message))
+    ranges, order = PublishedRanges(), RunOrder()
+    for topic, message, _ in bag.messages(topics):
+        if order.keeps(topic, 'joint_reactions', message):
+            ranges.add(float(message.time), loads_of(message))
+    order.warn(bag)
     return load_summary(
         largest(ranges.ends), {}, crank.angle, ranges.samples, ('',) * crank.slides
     )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import print_notice
+from ros_interfaces.names import InvalidNameError, resolve_namespace
 
 if TYPE_CHECKING:
     from mechanism_sim.results.measure_text import Measure
@@ -259,6 +260,10 @@ def ros_args(options: argparse.Namespace) -> list[str]:
     """The ROS arguments of a command line, the namespace among them."""
     found = list(options.ros_args)
     if options.namespace is not None:
+        try:
+            space = resolve_namespace(options.namespace)
+        except InvalidNameError as error:
+            raise InputError(f'--namespace: {error}') from error
         # Parameters NODE:NAME:=VALUE are for nodes of any namespace; ROS applies them to none
         # but the root namespace, and otherwise needs a file of parameters.
         passed: list[str] = []
@@ -274,11 +279,7 @@ def ros_args(options: argparse.Namespace) -> list[str]:
                 stream.write(f'/**/{node}:\n  ros__parameters:\n    {name}: {value}\n')
             passed[-1:] = ['--params-file', file]
         found = passed
-        found += [
-            *([] if found else ['--ros-args']),
-            '-r',
-            f'__ns:=/{options.namespace.strip("/")}',
-        ]
+        found += [*([] if found else ['--ros-args']), '-r', f'__ns:={space}']
     return found
 
 

@@ -179,6 +179,7 @@ def _horizon(options: argparse.Namespace, machine: Machine) -> Iterator[Telling]
 
 
 def _run(options: argparse.Namespace) -> int:
+    from mechanism_sim.nodes.middleware import remove_ros_args  # noqa: PLC0415
     from mechanism_sim.nodes.run import MONITOR, NodePlan, run  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
@@ -199,6 +200,10 @@ def _run(options: argparse.Namespace) -> int:
         options.realtime_factor, options.paused, options.hold, ros_args(options),
         options.display, tuple(name for name in options.listeners.split(',') if name),
     )  # fmt: skip
+    try:
+        remove_ros_args(plan.ros_args)
+    except RuntimeError as error:
+        raise InputError(str(error)) from error
     if options.plan:
         print_json(plan.to_json())
         return 0

@@ -79,9 +79,12 @@ def read_run(options: argparse.Namespace) -> Record:
 
 
 def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
-    """Warn on standard error that a bag was cut short."""
+    """Warn on standard error that a bag was cut short, or has no end yet."""
     if not bag.complete:
-        print_notice(f'{path} was cut short; what could be read is shown')
+        from mechanism_sim.recording.inventory import is_being_recorded  # noqa: PLC0415
+
+        state = 'is still being recorded' if is_being_recorded(path) else 'was cut short'
+        print_notice(f'{path} {state}; what could be read is shown')
 
 
 def warn_of_gaps(channels: Mapping[str, ChannelSamples], spectra: bool = True) -> None:

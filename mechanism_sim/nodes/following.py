@@ -23,6 +23,8 @@ ROUNDING = 1e-9
 class MotionFollower:
     """Follower of all motion of a run, which ends with the run.
 
+    Its first run is the one that is heard first: others may have been before it was started.
+
     Parameters
     ----------
     take : callback with every piece of motion
@@ -39,20 +41,31 @@ class MotionFollower:
     ) -> None:
         self._node, self._take, self._end, self._reset = node, take, end, reset
         self._time, self._ended = 0.0, False
+        self._heard_run = False  # until then the number of the run is not known
         node.create_subscription(Motion, 'motion', node.once_ready(self._on_motion), RESULTS)
         self._topic = node.resolve_topic_name('motion')
-        node.after_report = self.look
+        node.before_report, node.after_report = self._hear_first, self.look
 
     def begin(self) -> None:
         """Start of a run: nothing to do, the motion will be received."""
 
+    def _hear_first(self, number: int) -> None:
+        """Begin the run that is heard first."""
+        heard, self._heard_run = self._heard_run, True
+        if not heard and number != self._node.run:
+            self._begin_run(number)
+
+    def _begin_run(self, number: int) -> None:
+        self._node.begin_run(number)
+        self._time, self._ended = 0.0, False
+        self._reset()
+
     def _on_motion(self, message: Any) -> None:
+        self._hear_first(message.run)
         if not self._node.partners.goes_on(message.run):
             return
         if message.run != self._node.run:
-            self._node.begin_run(message.run)
-            self._time, self._ended = 0.0, False
-            self._reset()
+            self._begin_run(message.run)
         if message.segments:
             motion = motion_of(message)
             if reason := self._foreign(message, motion):

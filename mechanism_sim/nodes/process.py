@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 from mechanism_sim import process_exit
@@ -148,10 +149,20 @@ def _signals_to(handler: Callable[[int, Any], None]) -> Iterator[None]:
             signal.signal(number, usual or signal.SIG_DFL)
 
 
-def report_end(name: str, code: int) -> int:
-    """Print the reason of a failed process unless it did; returns the exit code of this one."""
+def report_end(name: str, code: int, bag: Path | None = None) -> int:
+    """Print the reason of a failed process unless it did; returns the exit code of this one.
+
+    Parameters
+    ----------
+    bag : what the run is recorded in
+    """
     if code < 0:
-        return print_error(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
+        kept = ''
+        if bag and bag.is_file() and bag.stat().st_size:
+            closed = f"; 'mechanism-sim bag recover {bag}' closes what it has recorded"
+            kept = closed if name == 'recorder' else f'; what is recorded is in {bag}'
+        said = f"'{name}' was killed by signal {-code}; the run ends{kept}"
+        return print_error(RunError(said), 1)
     if code == process_exit.INTERRUPTED:
         return process_exit.report_signal(f"'{name}' was interrupted; the run ends")
     return code

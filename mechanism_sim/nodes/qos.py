@@ -29,10 +29,18 @@ CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
 )
 
-#: The clock for recording: all messages received while the recorder was busy.
-CLOCK_HEARD = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT
-)
+#: For recording: all messages received while the recorder was busy, also of others on a topic.
+HEARD: dict[Delivery, QoSProfile] = {
+    'clock': QoSProfile(
+        history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT
+    ),
+    'latched': QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=100,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    ),
+}
 
 #: profiles by delivery of a topic
 PROFILES: dict[Delivery, QoSProfile] = {'results': RESULTS, 'latched': LATCHED, 'clock': CLOCK}

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.ideal import WORLD
@@ -14,10 +15,12 @@ from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
-from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS, policies
+from mechanism_sim.nodes.partners import SAY_AGAIN
+from mechanism_sim.nodes.qos import HEARD, PROFILES, RESULTS, policies
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.runs import next_bag
 from mechanism_sim.recording.writer import FLUSH_PERIOD, BagWriter
+from ros_interfaces.names import full_node_name
 from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _STAMP = struct.Struct('<iI')
@@ -62,7 +65,7 @@ class Recorder(SimulationNode):
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._ahead: list[tuple[str, bytes, int]] = []  # messages of the next run, with times
         for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners.names):
-            deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
+            deep = HEARD.get(delivery, PROFILES[delivery])
             name = self.resolve_topic_name(topic)
             self._topics[name] = kind, PROFILES[delivery]
             callback = self._make_callback(name, type_name(kind), delivery == 'latched')
@@ -130,8 +133,15 @@ class Recorder(SimulationNode):
                 whole, part = _STAMP.unpack_from(data, offset)
                 now = whole * NANOSECONDS + part
                 if is_clock:
-                    # Of the previous run, recognised by its time only, or of another machine.
-                    if self._ended or now > self._announced or self._clocks() == (False, True):
+                    # Of the previous run, recognised by its time only, or perhaps of another
+                    # machine: nothing in a message says who publishes it.
+                    own_clock, others = self._clocks()
+                    if own_clock and others and not self._ended:
+                        self.get_logger().warning(
+                            f'{others[0]} publishes {topic}, too: meanwhile it is not recorded',
+                            throttle_duration_sec=SAY_AGAIN,
+                        )
+                    if self._ended or now > self._announced or others:
                         return
                     self._clock_time = now
                 if not latched:
@@ -161,9 +171,13 @@ class Recorder(SimulationNode):
         if topic == self.resolve_topic_name('joint_states'):
             names = [name.encode() for name in self.machine.physics.coordinates]
             return lambda data: _names_of(data) == names
+        frames = [self.frame(body.name) for body in self.machine.mechanism.bodies]
+        if topic == self.resolve_topic_name('robot_description'):
+            tags = [f'<link name={quoteattr(x)}'.encode() for x in (self.frame(WORLD), *frames)]
+            return lambda data: all(tag in data for tag in tags)
         if topic not in map(self.resolve_topic_name, ('/tf', '/tf_static')):
             return None
-        links = [self.frame(body.name).encode() for body in self.machine.mechanism.bodies]
+        links = [frame.encode() for frame in frames]
         parents, joint = {self.frame(WORLD).encode(), *links}, self.frame('joint/').encode()
 
         def is_ours(data: bytes) -> bool:
@@ -266,15 +280,16 @@ class Recorder(SimulationNode):
         return nanoseconds(drive.header.stamp) if drive else 0
 
     def _clock_ended(self) -> bool:
-        """True if the clock of the drive has reached the end, or the drive has none."""
-        return self._clock_time >= self._announced or not self._clocks()[0]
+        """True if the clock of the drive has reached the end, or the drive has none alone."""
+        own_clock, others = self._clocks()
+        return self._clock_time >= self._announced or not own_clock or bool(others)
 
-    def _clocks(self) -> tuple[bool, bool]:
-        """True if the drive of this machine has a clock, and if any other node has one."""
-        drive = 'crank_drive', self.get_namespace()
+    def _clocks(self) -> tuple[bool, list[str]]:
+        """True if the drive of this machine has a clock, and the other nodes that have one."""
+        drive = full_node_name(self.get_namespace(), 'crank_drive')
         publishers = self.get_publishers_info_by_topic('/clock')
-        own = [(info.node_name, info.node_namespace) == drive for info in publishers]
-        return True in own, False in own
+        names = {full_node_name(info.node_namespace, info.node_name) for info in publishers}
+        return drive in names, sorted(names - {drive})
 
     def diagnose(self) -> Diagnosis:
         """Statistics of the bag."""

@@ -214,7 +214,7 @@ class _Children:
     """The processes of the nodes."""
 
     def __init__(self, plan: NodePlan) -> None:
-        self.code = 0
+        self.code, self._bag = 0, Path(plan.record) if plan.record else None
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         for name in plan.nodes:
             command = [sys.executable, '-m', 'mechanism_sim', 'node', name]
@@ -241,7 +241,7 @@ class _Children:
         codes = {name: process.poll() for name, process in self._processes.items()}
         failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:
-            self.interrupt(report_end(*next(iter(failed.items()))))
+            self.interrupt(report_end(*next(iter(failed.items())), self._bag))
         if self._deadline is not None and now > self._deadline:
             for process in self._processes.values():
                 process.kill()

@@ -67,7 +67,8 @@ class SimulationNode(DescribedNode):
         self._reported, self._finished = 0.0, False
         #: arrival of the run's first message, by ``time.monotonic`` [s]
         self.first_heard: float | None = None
-        #: callback after a progress report of a partner
+        #: callbacks before a progress report of a partner, with the number of its run, and after
+        self.before_report: Callable[[int], object] = lambda _: None
         self.after_report: Callable[[], None] = lambda: None
 
     @property
@@ -167,6 +168,8 @@ class SimulationNode(DescribedNode):
                 waiting.set_result(None)
 
     def _on_progress(self, message: Any) -> None:
+        if message.node in self.partners.names:
+            self.before_report(message.run)
         if self.partners.take(message):
             self.on_progress(message)
 

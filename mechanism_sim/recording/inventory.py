@@ -190,6 +190,14 @@ def _uncounted(bag: BagInfo) -> str:
     return f'; run and analyze count {bag.messages - clock}: those of /clock may get lost'
 
 
+def is_being_recorded(path: Path | str) -> bool:
+    """True if a recorder of this package has the file open."""
+    if not Path(path).is_file():
+        return False
+    with Path(path).open('rb') as stream:
+        return not lock(stream)
+
+
 def _state(bag: BagInfo) -> str:
     """State of the file, and what to do if it is not whole."""
     if bag.complete:
@@ -204,9 +212,8 @@ def _state(bag: BagInfo) -> str:
         return f'yes, by its index{checked}'
     if Path(bag.path).is_dir():
         return 'NO: a file of it is cut short; what could be read is listed'
-    with Path(bag.path).open('rb') as stream:
-        if not lock(stream):
-            return 'NO: it is still being recorded; what could be read is listed'
+    if is_being_recorded(bag.path):
+        return 'NO: it is still being recorded; what could be read is listed'
     return (
         'NO: cut short; what could be read is listed, and '
         f"'mechanism-sim bag recover {shlex.quote(bag.path)}' closes it"

@@ -17,6 +17,7 @@ from mechanism_sim.analysis.published import PARTS, PartSummary, PublishedRange
 from mechanism_sim.analysis.roses import WearMap
 from mechanism_sim.analysis.summary import ImpactSummary, Summary
 from mechanism_sim.errors import InputError
+from mechanism_sim.recording.inventory import is_being_recorded
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
@@ -141,8 +142,9 @@ def sections(s: Summary) -> Iterator[Section]:
 
 
 def _head(s: Summary) -> Iterator[SummaryRow]:
-    cut = '' if s.complete else 'CUT SHORT: what could be read is analysed'
-    yield SummaryRow('bag', s.bag, words=cut)
+    state = 'STILL BEING RECORDED' if is_being_recorded(s.bag) else 'CUT SHORT'
+    words = '' if s.complete else f'{state}: what could be read is analysed'
+    yield SummaryRow('bag', s.bag, words=words)
     yield SummaryRow('scene', s.scene or 'not recorded')
     early = ''
     if s.ended_early and s.planned_end is not None:

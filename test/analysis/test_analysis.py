@@ -25,7 +25,7 @@ from mechanism_sim.analysis.record import RecordedPiece, find_topics, read_recor
 from mechanism_sim.analysis.summary import Crank, _Channels, analyze
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.events import Mode
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.messages import JointState, message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
@@ -612,6 +612,39 @@ def test_namespaces_are_matched_and_told_apart(tmp_path, summary):
     assert analyze(path, namespace='/right/').motion.mean_speed < 0
 
 
+def each_twice(rows):
+    return [row for row in rows for _ in range(2)]
+
+
+def one_after_the_other(rows):
+    return [*rows, *rows]
+
+
+def by_topic_at_each_time(rows):
+    return sorted(each_twice(rows), key=lambda row: (row[2], row[0]))
+
+
+@pytest.mark.parametrize('twice', [each_twice, one_after_the_other, by_topic_at_each_time])
+def test_a_bag_that_was_merged_of_two_of_one_run_is_that_run(twice, tmp_path):
+    """As of two recorders: impacts, samples and published instants counted twice."""
+    single, merged = record(tmp_path / 'run.mcap', whole_run()), tmp_path / 'merged.mcap'
+    source = read_bag(single)
+    with BagWriter(merged) as writer:
+        for topic in source.topics.values():
+            writer.add_topic(topic.name, topic.type, topic.qos)
+        for row in twice([*source.raw()]):
+            writer.write(*row)
+    with pytest.warns(RunWarning, match='left out, as if recorded twice') as warned:
+        told = analyze(merged).to_json()
+    assert '5 of /impacts' in str(warned[0].message)
+    expected = analyze(single).to_json()
+    for name in expected.keys() - {'bag', 'ledger'}:
+        assert told[name] == expected[name], name
+    lost = {x['topic']: x['lost'] for x in told['ledger']['topics']}
+    assert lost == {x['topic']: x['lost'] for x in expected['ledger']['topics']}
+    assert lost['/impacts'] == 2
+
+
 def test_the_impacts_of_a_remapped_topic_belong_to_the_run(tmp_path, summary):
     run = whole_run()
     run['shop/hits'] = run.pop('impacts')
@@ -653,19 +686,24 @@ def test_machines_of_a_bag_have_their_own_scenes_and_sensors(tmp_path):
             read(both, namespace='lef')
 
 
-def test_sensors_of_two_machines_are_not_one_signal(tmp_path):
-    """Of a bag with nothing else, as `ros2 bag record` makes it, the samples were mixed."""
+@pytest.mark.parametrize('left', ['/left', ''])
+def test_sensors_of_two_machines_are_not_one_signal(left, tmp_path):
+    """Of a bag with nothing else, as `ros2 bag record` makes it, the samples were mixed.
+
+    A machine in no namespace could not be chosen.
+    """
     path, sensor = tmp_path / 'sensors.mcap', 'accelerometer/rocker'
     with BagWriter(path) as writer:
-        for topic in (f'/left/{sensor}', f'/right/{sensor}', '/right/accelerometer/crank'):
+        for topic in (f'{left}/{sensor}', f'/right/{sensor}', '/right/accelerometer/crank'):
             _, block = make('SensorBlock', 0.0, sensor=topic.rpartition('/')[2])
             writer.add_topic(topic, block.__msgtype__, Qos())
             writer.write(topic, serialize(block), 0)
     bag = read_bag(path)
-    with pytest.raises(InputError, match=r'several machines \(/left, /right\): choose a'):
+    with pytest.raises(InputError, match=rf'several machines \({left or "/"}, /right\): choose a'):
         find_topics(bag)
     found = find_topics(bag, 'right')['sensors']
     assert found == ('/right/accelerometer/crank', f'/right/{sensor}')
+    assert find_topics(bag, left or '/')['sensors'] == (f'{left}/{sensor}',)
 
 
 def test_text_and_json_say_the_same(summary):
@@ -697,7 +735,9 @@ def test_a_long_table_leaves_its_middle_out(tmp_path):
             message.coefficients + np.array([math.pi * (k % 2), 0, 0, 0, 0, 0]),
         )
         later.append((time + 0.1 * k, message))
-    hits = [make('Impact', 0.2 * k + 0.05, joint='a', normal_impulse=1.0) for k in range(20)]
+    hits = [
+        make('Impact', 0.2 * k + 0.05, index=k, joint='a', normal_impulse=1.0) for k in range(20)
+    ]
     found = analyze(record(tmp_path / 'run.mcap', {'motion': later, 'impacts': hits}))
     assert found.impacts.table.count.tolist() == [[1]] * 20
     lines = render(found).splitlines()

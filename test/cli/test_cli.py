@@ -171,6 +171,8 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
         ('run slider_crank --ros-args -r __node:=a', '-r __node:=a: nodes of a run find each'),
         ('run slider_crank --ros-args --remap linkage:__name:=a', '-r linkage:__name:=a: nodes'),
         ('run slider_crank --ros-args -r linkage:__ns:=/a', 'the namespace of all, by __ns:='),
+        ('run slider_crank --namespace 1a --plan', "--namespace: '1a' is no namespace: between"),
+        ('run slider_crank --plan --ros-args -r drive:=1a', "-r drive:=1a: '1a' is no topic"),
     ],
 )  # fmt: skip
 def test_an_option_that_does_not_apply_is_refused(line, said):

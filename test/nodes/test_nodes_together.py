@@ -216,9 +216,20 @@ def test_an_error_that_ends_a_node_is_in_rosout(network):
     assert sum('which did not appear' in line for line in ended.lines) == 1
 
 
-def test_a_process_that_was_killed_is_named(capsys):
+def test_a_process_that_was_killed_is_named_and_what_is_kept(tmp_path, capsys):
     assert report_end('recorder', -9) == 1
     assert "'recorder' was killed by signal 9" in capsys.readouterr().err
+    bag = tmp_path / 'run.mcap'
+    for held, name, said in (
+        (None, 'linkage', 'the run ends\n'),
+        (b'', 'recorder', 'the run ends\n'),
+        (b'x', 'recorder', f"ends; 'mechanism-sim bag recover {bag}' closes what it has recorded"),
+        (b'x', 'linkage', f'the run ends; what is recorded is in {bag}\n'),
+    ):
+        if held is not None:
+            bag.write_bytes(held)
+        assert report_end(name, -9, bag) == 1
+        assert said in capsys.readouterr().err
 
 
 @pytest.mark.slow

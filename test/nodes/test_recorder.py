@@ -7,6 +7,7 @@ from mcap.reader import make_reader
 from middleware_network import eventually, joined
 
 from mechanism_sim.errors import RunError
+from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import (
     Clock,
     Header,
@@ -23,6 +24,7 @@ from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecut
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.scene import load_scene
 from zenoh_rclpy.arguments import parse_arguments
 
 SCENE = 'four_bar_clearance'
@@ -239,3 +241,88 @@ def test_a_bag_has_nothing_of_a_robot_beside_the_machine(rules, tmp_path, monkey
         (topics[TFMessage], 500_000_000),
         ('/progress', 1_000_000_000),
     ]
+
+
+@pytest.mark.parametrize('prefix', ['', 'left/', 'a&b/'])
+@pytest.mark.usefixtures('network')
+def test_a_description_in_a_bag_is_that_of_its_machine(prefix, tmp_path):
+    """One of a robot, heard first, was there in its place, and ours in the bag of the next run."""
+    bag, arm = tmp_path / 'run.mcap', '<robot name="arm"><link name="world"/></robot>'
+    own = to_urdf(load_scene(SCENE), prefix)
+    given = {'scene': SCENE, 'file': str(bag), 'partners': 'linkage', 'frame_prefix': prefix}
+    partner, robot, executor, heard = Node('linkage'), Node('arm'), SingleThreadedExecutor(), []
+    partner.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+    partner.create_subscription(String, 'robot_description', heard.append, LATCHED)
+    reports = partner.create_publisher(Progress, 'progress', RESULTS)
+    mine, theirs = (
+        node.create_publisher(String, 'robot_description', LATCHED) for node in (partner, robot)
+    )
+    theirs.publish(String(data=arm))
+    recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
+    for node in (partner, recorder):
+        executor.add_node(node)
+
+    def spin_until(condition):
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or condition())
+
+    try:
+        spin_until(lambda: recorder.ready and heard)
+        for publisher, text in ((mine, own), (theirs, arm)):  # the last may hide the one before
+            publisher.publish(String(data=text))
+        spin_until(lambda: [m.data for m in heard[1:]][-1:] == [arm])
+        reports.publish(Progress(node='linkage', time=1.0, header=Header(stamp=stamp(1.0))))
+        spin_until(lambda: recorder.partners.reports)
+        spin_until(lambda: recorder.writer.counts['/robot_description'])
+    finally:
+        for node in (recorder, partner):
+            executor.remove_node(node)
+        for node in (recorder, partner, robot):
+            node.destroy_node()
+    assert [m.data for _, m, _ in read_bag(bag).messages('/robot_description')] == [own]
+
+
+@pytest.mark.parametrize('remapped', [False, True])
+@pytest.mark.usefixtures('network')
+def test_a_clock_in_a_bag_is_that_of_its_machine_alone(remapped, tmp_path, monkeypatch, capfd):
+    """Of two, a bag had both in turn, and its time went back; it does not wait for an end then."""
+    bag = tmp_path / 'run.mcap'
+    given = {'scene': SCENE, 'file': str(bag), 'partners': 'crank_drive'}
+    drive, left, executor = (
+        Node('crank_drive'),
+        Node('crank_drive', namespace='/left'),
+        SingleThreadedExecutor(),
+    )
+    rules = ['--ros-args', '-r', '/clock:=time'] * remapped
+    monkeypatch.setattr(drive.context, 'arguments', parse_arguments(rules))
+    drive.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+    recorder = Recorder([Parameter(key, value=value) for key, value in given.items()])
+    topic = recorder.resolve_topic_name('/clock')
+    mine, theirs = (node.create_publisher(Clock, topic, CLOCK) for node in (drive, left))
+    reports = drive.create_publisher(Progress, 'progress', RESULTS)
+    for node in (drive, recorder):
+        executor.add_node(node)
+
+    def spin_until(condition):
+        assert eventually(lambda: executor.spin_once(timeout_sec=0.01) or condition())
+
+    def report(t, **more):
+        header = Header(stamp=stamp(t))
+        reports.publish(Progress(node='crank_drive', time=t, header=header, **more))
+        spin_until(lambda: recorder.partners.time == t)
+
+    try:
+        spin_until(lambda: recorder.ready)
+        report(1.0)
+        for t, publisher in ((0.5, mine), (0.9, theirs), (0.6, mine)):
+            publisher.publish(Clock(clock=stamp(t)))
+        report(1.5)
+        report(2.0, finished=True)
+        spin_until(lambda: recorder.done)
+    finally:
+        for node in (recorder, drive):
+            executor.remove_node(node)
+        for node in (recorder, drive, left):
+            node.destroy_node()
+    assert not read_bag(bag).topics[topic].count
+    said = f'/left/crank_drive publishes {topic}, too: meanwhile it is not recorded'
+    assert capfd.readouterr().err.count(said) == 1
