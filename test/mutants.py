@@ -44,6 +44,17 @@ class Mutant(NamedTuple):
 
 CONTACT, LOOP = 'engine/contact', 'engine'
 MUTANTS = (
+    # rows of steps and events
+    Mutant(f'{LOOP}/step_roots.py', 'if _slope(guard, when) < 0.0:', 'if _slope(guard, when) > 0.0:',
+           'engine/test_step_roots.py'),
+    Mutant(f'{LOOP}/row_kernels.py', 'if when < end:', 'if when > end:',
+           'engine/test_step_rows.py'),
+    Mutant(f'{LOOP}/row_kernels.py', 'rate = rate * tau + k * law[k]',
+           'rate = rate * tau - k * law[k]', 'engine/test_step_rows.py'),
+    Mutant(f'{LOOP}/row_kernels.py', 'if h < reach or reach == longest:', 'if h < reach:',
+           'engine/test_step_rows.py'),
+    Mutant(f'{LOOP}/clock.py', '(rounded + twice) - rounded == twice',
+           '(rounded + twice) - rounded != twice', 'engine/test_step_roots.py'),
     # laws of impact
     Mutant(f'{CONTACT}/impact.py', 'p = (1.0 + e) * -vn / A.nn', 'p = (1.0 - e) * -vn / A.nn',
            'engine/test_impact.py'),
