@@ -45,8 +45,8 @@ class Mutant(NamedTuple):
 CONTACT, LOOP = 'engine/contact', 'engine'
 MUTANTS = (
     # rows of steps and events
-    Mutant(f'{LOOP}/step_roots.py', 'if _slope(guard, when) < 0.0:', 'if _slope(guard, when) > 0.0:',
-           'engine/test_step_roots.py'),
+    Mutant(f'{LOOP}/step_roots.py', 'if _slope(guard, when) < 0.0:',
+           'if _slope(guard, when) > 0.0:', 'engine/test_step_roots.py'),
     Mutant(f'{LOOP}/row_kernels.py', 'if when < end:', 'if when > end:',
            'engine/test_step_rows.py'),
     Mutant(f'{LOOP}/row_kernels.py', 'rate = rate * tau + k * law[k]',

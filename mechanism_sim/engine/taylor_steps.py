@@ -97,72 +97,32 @@ class TaylorSteps:
     def follow(
         self, tau: float, limit: float, last: int, respond: Callable[[int | None, float], None]
     ) -> tuple[float, float | None]:
-        """Take steps from `tau` on, at most a row, and call `respond` for guards that fall.
+        """Take steps from `tau` on: a row of them, or one that is yet to be located.
 
-        It is called with None for the rest of an event in machine code.
-        Returns the time reached, and the length of a further step that is yet to be located.
+        `respond` is called with None for what is left of the event that ended a row. Returns the
+        time reached, and the length of the single step.
         """
-        gaps, output, ta, step = self._gaps, self._output, self._ta, self._integrators.step
-        if self._laws.since >= _STEPS.row:
-            self._laws.turn(tau)
-        longest, check = self.longest, self._check
-        if self._system.compliant or self._goes_short():
-            h = self._taken(tau, min(longest, gaps.horizon))
-            return tau, h if check is None else self._checked(tau, h, check)
-        slots, lengths, since = output.slots, output.lengths, self._laws.since
-        coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
-        lone = self._system.lone
-        watch, near, stride = self._guard_values, self._nearness, self._singular.stride
-        singular = near is not _UNWATCHED
-        laws, rows, begun = self._laws, self._rows, len(lengths)
-        stop = min(limit, laws.next_base, laws.next_change)
-        row = min(begun + _STEPS.row - since, last)
-        alone, ended = 0, None
-        while (count := len(lengths)) < row and not self._goes_short():
-            reach = min(longest, gaps.horizon)
-            if reach == longest or rows.resolves:  # else an event is near
-                tau = rows.take(tau, stop, row - count, stride)
-                count = len(lengths)
-                if rows.ended:
-                    respond(None, tau)
-                if rows.ended or count == row or self._goes_short():
-                    break
-                reach = min(longest, gaps.horizon)
-            ta.time = tau
-            h = step(reach)
-            if check is not None:
-                h = self._checked(tau, h, check)
-            end, guard = tau + h, pars[fired]
-            # leave the fast loop for steps beyond a change of law or base, near a root of a guard
-            # where a second event may hide, or ahead of a singular position
-            if (
-                not tau < end <= stop
-                or (watch and (watch[0] if lone else min(watch)) < _NEAR_ROOT and not
-                    (guard and self._is_plain(int(guard) - 1)))
-                or (singular and near[1] + _SINGULAR.ahead * max(h, stride) * near[2] < 0.0)
-            ):  # fmt: skip
-                ended = h
-                break
-            slots[count][:] = coefficients
-            output.enter(tau, h)
-            tau, alone = end, alone + 1
-            gaps.horizon = math.inf
-            self._laws.since = since + len(lengths) - begun
-            if guard:
-                pars[fired] = 0.0
-                respond(int(guard) - 1, end)
-            # Baumgarte's rate follows the usual step; one cut short by the horizon is not usual
-            elif h < reach or reach == longest:
-                pars[self._stabilisation] = min(1.0 / h, self._quickest)
-        self._laws.since = since + len(lengths) - begun
-        self._rows.count(alone)
-        return tau, ended
+        laws, rows, lengths = self._laws, self._rows, self._output.lengths
+        if laws.since >= _STEPS.row:
+            laws.turn(tau)
+        if self._fits_row:
+            begun, stop = len(lengths), min(limit, laws.next_base, laws.next_change)
+            most = min(_STEPS.row - laws.since, last - begun)
+            tau = rows.take(tau, stop, most, self._singular.stride)
+            laws.since += len(lengths) - begun
+            if rows.ended:
+                respond(None, tau)
+            if rows.ended or len(lengths) - begun == most:
+                return tau, None
+        h = self._taken(tau, min(self.longest, self._gaps.horizon))
+        rows.count(1)
+        return tau, h if self._check is None else self._checked(tau, h, self._check)
 
-    def _is_plain(self, guard: int) -> bool:
-        """True of an event in a step from near a root if it is the only one."""
-        if self._system.lone:
-            return self._guard_values[0] >= 0.0 or self._gaps.flying
-        return self._missed(guard) is None
+    @property
+    def _fits_row(self) -> bool:
+        """True if the next step may be in a row: where an event is near, it must be seen there."""
+        near = self._gaps.horizon < self.longest and not self._rows.resolves
+        return not (near or self._system.compliant or self._goes_short())
 
     def _goes_short(self) -> bool:
         """True if the next step is to be of a low order."""
