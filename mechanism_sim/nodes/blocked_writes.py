@@ -23,7 +23,8 @@ _STATE = struct.Struct('<Q255p')  # number of writes begun and ended, topic
 _SIZE = 512
 _WATCH = f"""
 import array, fcntl, os, select, signal, struct, sys, termios, time
-memory, reader, parent = map(int, sys.argv[1:])
+memory, reader, parent = map(int, sys.argv[1:4])
+long = float(sys.argv[4])
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
 since, last, named, signalled = 0.0, -1, 0.0, 0.0
@@ -36,12 +37,12 @@ while os.getppid() == parent:
     waiting = array.array('i', [0])
     fcntl.ioctl(reader, termios.FIONREAD, waiting)
     signalled = (signalled or now) if waiting[0] else 0.0
-    if number % 2 and now - since > {LONG} and now - (named or -1e9) > {AGAIN}:
+    if number % 2 and now - since > long and now - (named or -1e9) > {AGAIN}:
         named = now
         print(f"mechanism-sim: topic '{{topic.decode()}}' has waited {{now - since:.0f}} s for a "
               'subscriber that does not read; the run continues when it reads, or has left',
               file=sys.stderr, flush=True)
-    if signalled and now - signalled > {LONG}:
+    if signalled and now - signalled > long:
         print('mechanism-sim: interrupted in a write that blocks', file=sys.stderr, flush=True)
         os.kill(parent, signal.SIGKILL)
         break
@@ -54,14 +55,15 @@ class BlockedWrites:
     Parameters
     ----------
     signals : end of a pipe with a byte for each signal, read by another thread
+    long : [s] after which a write is named, and one that does not end is ended by a signal
     """
 
-    def __init__(self, signals: int) -> None:
+    def __init__(self, signals: int, long: float = LONG) -> None:
         memory = os.memfd_create('writes')
         os.ftruncate(memory, _SIZE)
         self._state, self._number = mmap.mmap(memory, _SIZE), 0
-        ends = [str(end) for end in (memory, signals, os.getpid())]
-        command = [sys.executable, '-S', '-E', '-c', _WATCH, *ends]
+        given = map(str, (memory, signals, os.getpid(), long))
+        command = [sys.executable, '-S', '-E', '-c', _WATCH, *given]
         self._process = Popen(command, pass_fds=[memory, signals])  # noqa: S603
         os.close(memory)
 
