@@ -27,7 +27,7 @@ class Mode(IntEnum):
 
     UNKNOWN = 0
     FREE_FLIGHT = FLIES  # 1
-    FOLLOWING = FOLLOWS  # closed, without friction
+    FOLLOWING = FOLLOWS  # closed, without friction, or left without it by others that stick
     STICKING = STICKS  # closed, held by friction: the pin rolls
     SLIDING_FORWARD = SLIDES_FORWARD  # closed, with friction; the tangential velocity is positive
     SLIDING_BACKWARD = SLIDES_BACKWARD

@@ -357,8 +357,8 @@ class Tree:
 
     @cached_property
     def lifting_energy(self) -> float:
-        """Weight of all links times the size [J], a scale of rounding for any zero of height."""
-        return sum(b.mass for b in self.bodies) * math.hypot(*self.gravity) * self.size
+        """Weight of all links times the reach [J], a scale of rounding for any zero of height."""
+        return sum(b.mass for b in self.bodies) * math.hypot(*self.gravity) * self.reach
 
     @cached_property
     def total_mass(self) -> float:

@@ -103,6 +103,9 @@ class ScenePlan(Names):
             elastic.get(link) or without_mass(self, link, rotors.get(link)) for link in self.links
         )
         tree = Mechanism(massless, joints, self.closing)
+        self.bodies = read_bodies(self, tree, drives, elastic, rotors)
+        # links that no joint carries are placed by their centres of gravity
+        tree = Mechanism(self.bodies, joints, self.closing)
         positions = self._read_drives(drives, tree)
         begun = {c: x for c, (x, _) in self.begins.items()}
         start = {**self.guess, **positions, **begun}
@@ -132,7 +135,6 @@ class ScenePlan(Names):
             for c, drive in drives.items()
             if drive.effort is not None
         }
-        self.bodies = read_bodies(self, tree, drives, elastic, rotors)
         said, moving = split(self, 'initial.velocity', scene.initial.velocity, tree, 'm/s')
         rates = read_values(self, 'initial.velocity', said, tree, _PACES)
         self.given = positions, rates, moving

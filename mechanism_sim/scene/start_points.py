@@ -138,6 +138,9 @@ def solved(
     kinematics = Kinematics(tree, closures(tree, lower), [c for c in names if c in held])
     start = np.array([held.get(c, rough.get(c, 0.0)) for c in names])
     weak = np.array([_WEAK if c in rough else 0.1 * _WEAK for c in names])
+    # a link that no joint carries goes to its target rather than turn there
+    placed = {*moved_by(tree, targets, start)} - rough.keys()
+    weak[[c in placed and c.partition('.')[0] in tree.floating and '.' in c for c in names]] = 0.0
     spread = np.random.default_rng(5).standard_normal((len(names), _TRIES))
     spread *= np.linspace(0.0, 2.0, _TRIES) * kinematics.scale[:, None]
     spread[kinematics.held] = 0.0

@@ -129,7 +129,9 @@ class Rest(NamedTuple):
 
 
 FLIES, FOLLOWS, STICKS, SLIDES_FORWARD, SLIDES_BACKWARD, RECOVERS = range(1, 7)
-"""Modes of a contact: open; closed, if without friction; closed with friction; see `Mode`."""
+"""Modes of a contact: open; closed without friction; closed with friction; see `Mode`."""
+
+_IDLE = 4  # a grip beside those of `complementarity`, see `turn_idle`
 
 T, GAP, ANGLE, APPROACH, REBOUND, NORMAL, TANGENTIAL, LOSS, DRIVE, WORK, ENDS, LEFT = range(12)
 """Columns of a log of impacts: time [s], index of the gap, and what `engine.events.Impact` has."""
@@ -495,6 +497,33 @@ def turn_determined(c: ContactProblem, grips: Indices) -> None:
 
 
 @kernel
+def turn_idle(c: ContactProblem, grips: Indices, forces: Array) -> None:
+    """Let contacts count as idle, in place, whose slips those that stick keep at zero already.
+
+    How both share the friction is not determined, as under two feet of a block: equations that
+    ask for it are singular. So those that carry none in a solution `forces` (r,) carry none.
+    """
+    m, n = len(c.value), 0
+    rows, L = np.empty(2 * m, dtype=np.int64), np.empty((2 * m, 2 * m))
+    for at in range(3 * m):  # normals first, then what carries friction
+        i = at % m
+        if at < m:
+            if grips[i] != OPEN and independence(c, i, rows, L, n) > _IMPACTS.independent:
+                rows[n] = i
+                n += 1
+        elif (
+            grips[i] == STICK
+            and c.friction[i] > 0.0
+            and (forces[m + i] != 0.0) == (at < 2 * m)
+        ):
+            if independence(c, m + i, rows, L, n) > _IMPACTS.determined:
+                rows[n] = m + i
+                n += 1
+            elif at >= 2 * m:
+                grips[i] = _IDLE
+
+
+@kernel
 def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask:
     """Contacts (m,) that begin to slide and whose slips can all be brought to zero at once.
 
@@ -549,6 +578,7 @@ def come_to_rest(
         return Rest(False, False, False, False, False, False, math.inf)
     if len(c.rate) > m:
         turn_determined(c, grips)
+        turn_idle(c, grips, forces)
     changed = parts = False
     kept = np.zeros(len(c.rate), dtype=np.bool_)
     for i in range(m):
@@ -564,6 +594,7 @@ def come_to_rest(
                 kept[m + i] = grips[i] == STICK
                 mode = (
                     STICKS if grips[i] == STICK
+                    else FOLLOWS if grips[i] == _IDLE
                     else SLIDES_FORWARD if grips[i] == FORWARD
                     else SLIDES_BACKWARD
                 )  # fmt: skip

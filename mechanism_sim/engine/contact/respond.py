@@ -18,6 +18,7 @@ from mechanism_sim.engine.contact.chatter import ends, left_out, remaining_time
 from mechanism_sim.engine.contact.impact import jam_margin
 from mechanism_sim.engine.contact.problem import (
     FLIES,
+    FOLLOWS,
     RECOVERS,
     SLIDES_BACKWARD,
     SLIDES_FORWARD,
@@ -239,7 +240,7 @@ def slips(run: EventArrays) -> int:
     run.marks[RESTING] = run.marks[SHUT]
     s = situation_of(run)
     if run.gaps[MODE, gap] == STICKS:
-        if _would_jam(s, gap, -sign):
+        if _idle(s) or _would_jam(s, gap, -sign):
             run.gaps[GIVEN, gap] = -sign
             return RESTS
         set_mode(run, gap, SLIDES_FORWARD if sign < 0 else SLIDES_BACKWARD)
@@ -250,6 +251,15 @@ def slips(run: EventArrays) -> int:
         return RESTS
     # what jams; or there is nothing to be stopped
     return SHOCK if slip_of(s.c, gap, s.limits.still) else _lift(run, gap)
+
+
+@kernel
+def _idle(s: Situation) -> bool:
+    """True if a contact leaves its friction to others that stick, see `problem.turn_idle`."""
+    for i in range(len(s.c.value)):
+        if s.run.gaps[MODE, i] == FOLLOWS and s.c.friction[i] > 0.0:
+            return True
+    return False
 
 
 @kernel
@@ -274,6 +284,11 @@ def _lift(run: EventArrays, gap: int) -> int:
     run.marks[_PARTING] = False
     run.marks[_PARTING, gap] = True
     run.counters[DRAWS] = 0
+    if run.gaps[STICK, gap] >= 0 and _idle(situation_of(run)):  # the others rest anew
+        run.marks[_DRAWN] = False
+        run.marks[TOUCHING] = run.marks[SHUT]
+        run.marks[RESTING] = run.marks[SHUT]
+        run.counters[DRAWS] = 1
     return PARTS
 
 
