@@ -9,6 +9,7 @@ close that enclosures of the formulas leave nothing to be found between them.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import heyoka as hy
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.first_look import first_look, look_first, powers_at
 from mechanism_sim.engine.system import System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.enclosure import (
@@ -29,7 +31,7 @@ from mechanism_sim.numerics.enclosure import (
     reach_of,
 )
 from mechanism_sim.numerics.kernel_code import call_code
-from mechanism_sim.numerics.kernels import BoundCall, entry, foreign_code, kernel
+from mechanism_sim.numerics.kernels import BoundCall, charge, entry, foreign_code, kernel
 from mechanism_sim.numerics.polynomials import chebyshev_nodes
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 from mechanism_sim.tolerances import TOLERANCES
@@ -37,6 +39,8 @@ from mechanism_sim.tolerances import TOLERANCES
 _GUARDS = TOLERANCES.guards
 _ROUNDING = TOLERANCES.rounding
 _STEPS = TOLERANCES.steps
+
+_SAVED = 3e-4  # time [s] that machine code saves where formulas are in doubt
 
 
 class StepMotion(NamedTuple):
@@ -149,13 +153,13 @@ class StepCheck:
         size = np.where(system.angular, 1.0, system.mechanism.size)
         size = np.append(size, np.ones(len(system.states)))
         self._limit = (limit * size)[:, None]
-        self._resolved = ResolvedLoads(steep, chebyshev_nodes(integrator.order + 1))
+        self._nodes = chebyshev_nodes(integrator.order + 1)
+        self._resolved = ResolvedLoads(steep, self._nodes)
         self._series, self._pars = integrator.tc, integrator.pars  # as they are at any time
         self._power = np.arange(integrator.order + 1)
         f, m, width = len(system.free), len(system.guards), system.width
         self._rates, self._watch = slice(f, width), slice(width + 1, width + 1 + m)
         self._guards = m
-        self._few = self._powers(FEW)
         self.motion = _motion_of(system, steep, integrator.order + 1)
         loads = _STEPS.unfelt * limit * steep.inertia
         self._loads, ends = len(loads), len(self.motion.given) - 1
@@ -163,11 +167,12 @@ class StepCheck:
         self._scales[: len(loads)] = loads
         self._fixed = self.motion.given[2 * len(steep.moving) + 2 * steep.timed : -1]
         self._fixed = self._fixed[: len(self._fixed) - len(self._scales)]
-        self._now, doubted, self._addresses = np.zeros(3), np.zeros(2), np.zeros(1, np.int64)
+        self._now, doubted, self._addresses = np.zeros(4), np.zeros(2), np.zeros(1, np.int64)
         self._code: Any = None
         self._look = BoundCall(
             look, self._addresses, self._series, self._pars, self.motion, self._now, doubted
         )
+        self._found = np.zeros(2)
 
     @property
     def address(self) -> int:
@@ -186,17 +191,37 @@ class StepCheck:
         time : [s] at the local time zero
         tau, h : [s] local time at the start of the step, and its length
         """
-        pars, enclosure = self._pars, self._steep.enclosure
         self._now[0], self._now[1], self._now[2] = time, tau, h
         doubts = self._look()
         if doubts < 0:
-            doubts = enclosure.doubts_at(self.motion.given, pars)
+            doubts = self._steep.enclosure.doubts_at(self.motion.given, self._pars)
             if look.is_compiled:
                 _ = self.address
         if doubts == NONE:
             return WHOLE
-        motion = MotionSeries(self.motion.series, h, self._fixed, pars)
-        grown = h**self._power
+        self._now[3] = doubts
+        if look_first.is_compiled and self._look_first and (some := self._look_first()) >= 0:
+            return Reach(*self._found.tolist()) if some else WHOLE
+        charge(_SAVED)
+        return self._closer_look(tau, h, doubts)
+
+    @cached_property
+    def _look_first(self) -> BoundCall | None:
+        """Call of `look_first`; None if machine code is not available."""
+        made = first_look(
+            self._system, self._steep, self._nodes, self._limit[:, 0].copy(), self.motion.series,
+            self.motion.given,
+        )  # fmt: skip
+        if made is None:
+            return None
+        self._codes = made.codes
+        return BoundCall(look_first, self._series, self._pars, made.look, self._now, self._found)
+
+    def _closer_look(self, tau: float, h: float, doubts: int) -> Reach:
+        """`reach` by as many halvings as it takes."""
+        enclosure = self._steep.enclosure
+        motion = MotionSeries(self.motion.series, h, self._fixed, self._pars)
+        grown = np.cumprod(np.where(self._power > 0, h, 1.0))
         looked: list[Array] = []
 
         def defect(places: Array) -> Array:
@@ -211,33 +236,42 @@ class StepCheck:
         known = 1.0 if reach.fault is None else reach.sound
         return Reach(share, share) if share < known else reach
 
-    def _powers(self, places: Array) -> tuple[Array, Array]:
-        """Matrices from coefficients to values at places (N,), and to slopes: (n, N) each."""
-        powers = places ** self._power[:, None]
-        return powers, self._power[:, None] * powers / places
-
     def _defect(self, series: Array, tau: float, h: float, places: Array) -> Array:
         """Defect of a step's series at places (N,), relative to the allowed defect.
 
-        Without limit where a guard has fallen unseen.
+        Without limit where a guard has fallen unseen. Operations are those of `look_first`, one
+        by one: of short steps the defect is rounding.
         """
         system, width = self._system, self._rates.stop
-        powers, sloping = self._few if places is FEW else self._powers(places)
-        given = np.empty((width + len(self._pars) + 1, len(places)))
-        given[:width] = series[:width] @ powers
-        given[width:-1] = self._pars[:, None]
-        given[-1] = tau + h * places
-        wanted = h * system.functions.accelerations(given)
+        powers, sloping = powers_at(places, series.shape[1])
+        given = np.empty((len(places), width + len(self._pars) + 1))
+        given[:, :width] = _sums(series[:width], powers).T
+        given[:, width:-1] = self._pars
+        given[:, -1] = tau + h * places
+        wanted = h * _one_by_one(system.functions.accelerations, given)
         allowed = self._limit + _ROUNDING.acceleration * np.abs(wanted)
-        slopes = series[self._rates] @ sloping
+        slopes = _sums(series[self._rates], sloping)
         found: Array = (np.abs(slopes - wanted) / allowed).max(axis=0)
         if self._guards:
-            guards = system.functions.watch(given)[: self._guards]
+            guards = _one_by_one(system.functions.watch, given)[: self._guards]
             low = guards < -_STEPS.fallen
             if low.any():
-                foretold = series[self._watch] @ sloping / (h * _GUARDS.watch_scale)
+                foretold = _sums(series[self._watch], sloping) / (h * _GUARDS.watch_scale)
                 found[(low & (guards < foretold - _STEPS.fallen)).any(axis=0)] = np.inf
         return found
+
+
+def _sums(series: Array, powers: Array) -> Array:
+    """Values (r, N) of series (r, n) by powers (n, N), summed term by term in their order."""
+    return np.asarray(np.add.accumulate(series[:, :, None] * powers, axis=1)[:, -1])
+
+
+def _one_by_one(function: hy.cfunc_dbl, given: Array) -> Array:
+    """Results (n, N) of a function of rows (N, v): of columns it has other code."""
+    found = np.empty((len(given), function.nouts))
+    for row, out in zip(given, found, strict=True):
+        function(row, outputs=out)
+    return found.T
 
 
 def _motion_of(system: System, steep: SteepLoads, count: int) -> StepMotion:

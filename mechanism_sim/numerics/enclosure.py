@@ -421,7 +421,11 @@ class Enclosure:
             )
 
     @cached_property
-    def _function(self) -> hy.cfunc_dbl:
+    def enclosed(self) -> hy.cfunc_dbl:
+        """Middles, radii and weights, see `Enclosed`.
+
+        Of moving variables, their radii, constant variables and scales.
+        """
         outputs, inputs = self._terms
         return compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
 
@@ -454,10 +458,10 @@ class Enclosure:
         scales : negligible products of change and length [s] of a part, of loads, then guards
         """
         count = middle.shape[1]
-        known = motion.parameters[: self._function.nparams, None]
+        known = motion.parameters[: self.enclosed.nparams, None]
         fixed = np.concatenate([motion.fixed, scales])[:, None]
         given = np.concatenate([middle, radius, np.repeat(fixed, count, axis=1)])
-        found = self._function(given, pars=np.repeat(known, count, axis=1))
+        found = self.enclosed(given, pars=np.repeat(known, count, axis=1))
         return Enclosed(*found.reshape(3, self.count, count))
 
 

@@ -100,6 +100,11 @@ class SteepLoads:
         self.loads, self.variables = expressions, [*moves, *fixed]
         self.enclosure = Enclosure(expressions, guards, moves, fixed)
 
+    @cached_property
+    def compiled_loads(self) -> hy.cfunc_dbl:
+        """The loads as a function of the variables."""
+        return compiled.function(self.loads, self.variables)
+
     def switched(self, symbols: Array) -> Array:
         """Values (w,) of the switches that the loads depend on, of those of all switches.
 
@@ -126,10 +131,6 @@ class ResolvedLoads:
 
     def __init__(self, steep: SteepLoads, nodes: Array) -> None:
         self._steep, self._nodes = steep, nodes
-
-    @cached_property
-    def _loads(self) -> hy.cfunc_dbl:
-        return compiled.function(self._steep.loads, self._steep.variables)
 
     def longest(
         self, motion: MotionSeries, looked: Sequence[Array], reach: Reach, floor: Array
@@ -173,7 +174,7 @@ class ResolvedLoads:
     ) -> bool:
         end = places[-1]
         known = self._values(motion, end * self._nodes)
-        between = _interpolant(len(self._nodes), (places / end).tobytes())
+        between = interpolant(len(self._nodes), (places / end).tobytes())
         size = np.maximum(np.abs(values).max(axis=1), np.abs(known).max(axis=1))
         off = np.abs(known @ between - values).max(axis=1)
         return bool((off <= _MECHANISM.load * size + floor).all())
@@ -181,17 +182,17 @@ class ResolvedLoads:
     def _values(self, motion: MotionSeries, places: Array) -> Array:
         """The loads (l, N) at positions."""
         series, _, fixed, parameters = motion
-        count = len(places)
+        count, loads = len(places), self._steep.compiled_loads
         given = np.concatenate([
             series @ places ** np.arange(series.shape[1])[:, None],
             np.repeat(fixed[:, None], count, axis=1),
         ])  # fmt: skip
-        known = np.repeat(parameters[: self._loads.nparams, None], count, axis=1)
-        return np.asarray(self._loads(given, pars=known))
+        known = np.repeat(parameters[: loads.nparams, None], count, axis=1)
+        return np.asarray(loads(given, pars=known))
 
 
 @lru_cache(maxsize=64)  # of whole pieces the places are always the same
-def _interpolant(count: int, places: bytes) -> Array:
+def interpolant(count: int, places: bytes) -> Array:
     """Matrix (count, N) from values at Chebyshev's nodes to their interpolant at N positions."""
     at = np.polynomial.chebyshev.chebvander(2.0 * np.frombuffer(places) - 1.0, count - 1)
     return np.asarray(chebyshev_coefficients(np.eye(count)) @ at.T)
