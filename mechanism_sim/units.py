@@ -402,9 +402,8 @@ _LARGE = {
 }  # fmt: skip
 _SMALL = {
     'N s': (1.0, 'mN s'), 'N m s': (1.0, 'mN m s'), 's': (0.1, 'ms'), 'J': (0.1, 'mJ'),
-    'N': (0.1, 'mN'), 'N m': (0.1, 'mN m'), 'W': (0.1, 'mW'),
+    'N': (0.1, 'mN'), 'N m': (0.1, 'mN m'), 'W': (0.1, 'mW'), 'm': (0.01, 'mm'),
 }  # fmt: skip
-_TINY = 1e-3  # of the size below which a prefix is m: below it is µ
 
 
 def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
@@ -413,14 +412,16 @@ def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
     Parameters
     ----------
     size : largest of the values that are read together, in the SI unit; large forces are in kN,
-        large stresses in MPa, small impulses in mN s, short times in ms; 0 if it is not known
+        large stresses in MPa, small impulses in mN s, short times in ms, lengths in m from 10 m
+        on and in µm below 0.01 mm; 0 if it is not known
     """
     least, large, factor = _LARGE.get(unit, (math.inf, '', 1.0))
     if least <= size < math.inf:
         return large, factor
     below, small = _SMALL.get(unit, (0.0, ''))
-    if _TINY**2 * below <= size < below:
-        return (small, 1e3) if size >= _TINY * below else (f'µ{small[1:]}', 1e6)
+    for step, prefix in enumerate('mµnp', 1):
+        if below * 1e-3**step <= size < below:
+            return f'{prefix}{small[1:]}', 1e3**step
     return _FOR_PEOPLE.get(unit, (unit, 1.0))
 
 

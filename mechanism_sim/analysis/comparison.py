@@ -88,19 +88,20 @@ def _impacts(record: Record) -> dict[Key, float]:
         first, last = record.turned(np.array([record.start, record.end])).tolist()
         turns = abs(last - first)
     mechanism = record.machine.mechanism
-    gaps = {i.joint for i in record.piece.impacts}
-    of_gap = {gap: joint_of_gap(mechanism, gap).name for gap in gaps}
+    struck = record.piece.impacts
+    of_gap = {gap: joint_of_gap(mechanism, gap).name for gap in set(struck.names.tolist())}
     for joint in ('', *sorted(set(of_gap.values()))):
-        own = [i for i in record.piece.impacts if joint in ('', of_gap[i.joint])]
+        gaps = [gap for gap, name in of_gap.items() if joint in ('', name)]
+        own = struck.where(np.isin(struck.names, gaps))
         found['impacts', joint, 'count', ''] = float(len(own))
         if not joint and turns > 0.0:
             found['impacts', joint, 'count per turn', ''] = len(own) / turns
-        normal = [i.normal_impulse for i in own]
-        found['impacts', joint, 'hardest', 'N s'] = max(normal, default=0.0)
+        normal = own.column('normal_impulse')
+        found['impacts', joint, 'hardest', 'N s'] = float(normal.max(initial=0.0))
         found['impacts', joint, 'sum of impulses', 'N s'] = math.fsum(normal)
-        found['impacts', joint, 'energy loss', 'J'] = math.fsum(i.energy_loss for i in own)
-        speed = max((i.approach_speed for i in own), default=0.0)
-        found['impacts', joint, 'fastest approach', 'm/s'] = speed
+        found['impacts', joint, 'energy loss', 'J'] = math.fsum(own.column('energy_loss'))
+        speed = own.column('approach_speed').max(initial=0.0)
+        found['impacts', joint, 'fastest approach', 'm/s'] = float(speed)
     return found
 
 

@@ -318,11 +318,7 @@ class Asked:
         return None
 
     def _found(
-        self,
-        names: Sequence[str],
-        start: float | None,
-        end: float | None,
-        also: Sequence[Series],
+        self, names: Sequence[str], start: float | None, end: float | None, also: Sequence[Series]
     ) -> list[Series]:
         """Series of the motion, of sensors and of messages of a run."""
         paths = [self._path(name) for name in names]
@@ -355,8 +351,8 @@ class Asked:
         if self._given is None and 'record' not in self.__dict__:
             return None, []
         begin, finish = self.record.part(start, end)
-        impact_times = [i.t for i in self.record.piece.impacts if begin <= i.t <= finish]
-        return self.record.machine.mechanism, impact_times
+        t = self.record.piece.impacts.column('t')
+        return self.record.machine.mechanism, t[(begin <= t) & (t <= finish)].tolist()
 
     def names(self) -> Iterator[Name]:
         """Names of all quantities: of the motion, then sensors, then fields of messages."""

@@ -355,7 +355,8 @@ class Record(Revolutions):
             return self
         motion = self.piece.motion.between(a, b)
         before = self.piece.view(a)
-        impacts = [impact for impact in self.piece.impacts if a < impact.t <= b]
+        t = self.piece.impacts.column('t')
+        impacts = self.piece.impacts.where((a < t) & (t <= b))
         known = zip(self.piece.physics.clearances, motion.modes[0].tolist(), strict=True)
         changes = [ModeChange(a, name, Mode(mode), Mode.UNKNOWN) for name, mode in known]
         changes += [change for change in self.piece.modes if a < change.t <= b]

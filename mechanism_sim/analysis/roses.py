@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record, loose_bearing
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.events import Impact
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.gaps import joint_of_gap
 from mechanism_sim.planar.points import GROUND
@@ -78,14 +77,11 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
         loose_bearing(record, joint)
     pin_joint = joint_of_gap(machine.mechanism, joint)
     begin = record.begin(skip)
-    chosen = [i for i in record.piece.impacts if i.joint == joint and i.t >= begin]
-
-    def column(name: str) -> Array:
-        return np.array([getattr(impact, name) for impact in chosen])
-
-    t, world = column('t'), column('normal_angle')
+    struck = record.piece.impacts.of_joint(joint)
+    struck = struck.where(struck.column('t') >= begin)
+    t, world = struck.column('t'), struck.column('normal_angle')
     on_pin, on_bushing = (
-        _wrapped(world - _link_angles(record, link, chosen))
+        _wrapped(world - _link_angles(record, link, t))
         for link in (pin_joint.first, pin_joint.second)
     )
     return Rose(
@@ -95,22 +91,19 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
         t,
         record.angle(t),
         np.floor(np.nan_to_num(record.turned(t)) + 1e-9).astype(np.int64),
-        column('normal_impulse'),
-        column('tangential_impulse'),
-        column('approach_speed'),
+        *map(struck.column, ('normal_impulse', 'tangential_impulse', 'approach_speed')),
         on_pin,
         on_bushing,
         _wrapped(world),
     )
 
 
-def _link_angles(record: Record, link: str, impacts: list[Impact]) -> Array:
-    """Angle of a link at the impacts (N,) [rad]; positions are continuous there."""
+def _link_angles(record: Record, link: str, t: Array) -> Array:
+    """Angle of a link at times (N,) of impacts [rad]; positions are continuous there."""
     frame, offset = record.machine.mechanism.frame(link)
     if frame == GROUND:
-        return np.full(len(impacts), offset)
+        return np.full(len(t), offset)
     i = record.machine.physics.coordinates.index(frame)
-    t = np.array([impact.t for impact in impacts])
     return np.asarray(record.piece.motion.curve(t)[:, i] + offset)
 
 
@@ -156,11 +149,7 @@ def impact_cycles(record: Record, rose: Rose, skip: int = 0) -> ImpactCycles:
             dominant[row[k], taken[row[k]]] = k
             taken[row[k]] += 1
     with_impacts = count > 0
-    spreads = (
-        count.astype(float),
-        impulse,
-        impulse[with_impacts] / count[with_impacts],
-    )
+    spreads = (count.astype(float), impulse, impulse[with_impacts] / count[with_impacts])
     means = {
         name: (m.mean, m.half_width, float(x.std(ddof=1)) if len(x) > 1 else float('nan'))
         for name, m, x in zip(

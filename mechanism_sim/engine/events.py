@@ -8,6 +8,7 @@ from itertools import groupby
 from typing import Any, NamedTuple, Self, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array, IndexArray, Mask
 from mechanism_sim.engine.contact.problem import (
@@ -146,6 +147,11 @@ class Impacts(Sequence[Impact]):
         """Index (n,) of the joint of each impact in `joints`."""
         return self.rows[:, _JOINT].astype(np.intp)
 
+    @property
+    def names(self) -> NDArray[np.str_]:
+        """Name (n,) of the joint of each impact."""
+        return np.array(self.joints or [''], str)[self.gaps]
+
     def column(self, field: str) -> Array:
         """A field (n,) of all impacts, in the unit that `Impact` has: its own array.
 
@@ -199,12 +205,6 @@ class Impacts(Sequence[Impact]):
             return type(self)(self.joints, self.rows[k])
         [found] = type(self)(self.joints, self.rows[k][None])
         return found
-
-    def __add__(self, other: Iterable[Impact]) -> Self:
-        return self.joined([self, other])
-
-    def __radd__(self, other: Iterable[Impact]) -> Self:
-        return self.joined([other, self])
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and [*self] == [*other]

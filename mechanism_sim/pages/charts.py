@@ -5,23 +5,17 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.palette import DARK, GROUND, IMPACT, INK, LINKS, rgb
+from mechanism_sim.export.palette import DARK, GROUND, IMPACT, INK, LINKS
 from mechanism_sim.export.stage import packed
 from mechanism_sim.report.charts.bands import MODES
-from mechanism_sim.report.charts.chart import (
-    DASHES,
-    LOOKS,
-    Axis,
-    Chart,
-    ChartCurve,
-    Panel,
-)
+from mechanism_sim.report.charts.chart import DASHES, LOOKS, Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.charts.subjects import sections
 from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import typeset
@@ -84,26 +78,33 @@ _Json = dict[str, Any]
 def figure(chart: Chart) -> _Json:
     """``data``, ``layout`` and ``columns``, the headings of what a chart is as a table.
 
-    Traces have the place of their panel and curve as ``meta``.
+    Traces have the place of their panel and curve as ``meta``. ``narrow`` is what changes in the
+    layout where panels have no room beside each other.
     """
-    page = _PlotlyFigure(chart)
-    return {'data': page.data, 'layout': page.layout, 'columns': page.columns}
+    page, narrow = _PlotlyFigure(chart, chart.columns), {}
+    if chart.columns > 1:
+        other = _PlotlyFigure(chart, 1).layout
+        narrow = {key: value for key, value in other.items() if value != page.layout[key]}
+    return {'data': page.data, 'layout': page.layout, 'columns': page.columns, 'narrow': narrow}
 
 
 class _PlotlyFigure:
-    """Panels on a figure of plotly, row by row."""
+    """Panels on a figure of plotly, so many beside each other, row by row."""
 
-    def __init__(self, chart: Chart) -> None:
+    def __init__(self, chart: Chart, columns: int) -> None:
         self.chart = chart = chart.readable()
+        self._beside = columns
         self.data: list[_Json] = []
         self.columns: list[_Json] = []
         self.layout: _Json = {'template': _TEMPLATE}
         self._scales: dict[str, str] = {}
-        rows = chart.rows
+        rows = replace(chart, columns=columns).rows
+        shared = [self._axis_along(k) for k in range(len(chart.panels))]
         heads, feet = [], []
         for i, row in enumerate(rows):
             heads.append(max(self._head(p) for p in row))
-            last = i + 1 == len(rows) or row[0].x != rows[i + 1][0].x
+            k = i * columns
+            last = not {*shared[k : k + columns]} <= {*shared[k + columns :]}
             feet.append((_FOOT if last else _GAP) if row[0].form != 'polar' else 0)
         tall = [
             _DISC if row[0].form == 'polar' else _INCH * max(p.height for p in row) for row in rows
@@ -120,16 +121,22 @@ class _PlotlyFigure:
         for i, row in enumerate(rows):
             for j, panel in enumerate(row):
                 domain = [(top - tall[i]) / inner, top / inner]
-                wide = (1.0 - _APART * (chart.columns - 1)) / chart.columns
+                wide = (1.0 - _APART * (columns - 1)) / columns
                 across = [j * (wide + _APART), j * (wide + _APART) + wide]
-                self._add(panel, i * chart.columns + j, domain, across)
+                self._add(panel, i * columns + j, domain, across)
             top -= tall[i] + feet[i] + (heads[i + 1] if i + 1 < len(rows) else 0)
+
+    def _axis_along(self, k: int) -> str:
+        """The axis along x: panels above each other, where there are columns, share one."""
+        panels, columns = self.chart.panels, self.chart.columns
+        first = next(p for p in range(k % columns, k + 1, columns) if panels[p].x == panels[k].x)
+        return f'x{first + 1}' if first else 'x'
 
     def _head(self, panel: Panel) -> int:
         """Height of title and legend above a panel [pixels]."""
         texts = panel.entries
         across = sum(len(text) * _LETTER + _KEY for text in texts)
-        lines = int(np.ceil(across / (_WIDTH / self.chart.columns)))
+        lines = int(np.ceil(across / (_WIDTH / self._beside)))
         marked = any(m.text and not m.level for m in panel.marks)
         least = _ROUND if panel.form == 'polar' else _HEAD
         title = bool(panel.title)
@@ -148,13 +155,7 @@ class _PlotlyFigure:
             }  # fmt: skip
             where: _Json = {'subplot': 'polar' + n}
         else:
-            # panels above each other have one axis along x
-            column = k % self.chart.columns
-            shared = [
-                p for p in range(column, k, self.chart.columns)
-                if self.chart.panels[p].x == panel.x
-            ]  # fmt: skip
-            x = 'x' + (str(shared[0] + 1) if shared and shared[0] else '' if shared else n)
+            x = self._axis_along(k)
             where = {'xaxis': x, 'yaxis': 'y' + n}
             name = 'xaxis' + x[1:]
             axis = self.layout.get(name) or _axis(panel.x, panel, 'x')
@@ -275,9 +276,8 @@ def _axis(axis: Axis, panel: Panel, side: str) -> _Json:
 
 
 def pale(shade: str, opacity: float) -> str:
-    """A colour, partly transparent."""
-    r, g, b = (round(255 * x) for x in rgb(shade))
-    return f'rgba({r},{g},{b},{opacity:g})'
+    """A colour, partly transparent, in which that on dark ground can take its place."""
+    return f'{shade}{round(255 * opacity):02x}'
 
 
 def _traces(panel: Panel, curve: ChartCurve) -> Iterator[_Json]:

@@ -157,6 +157,7 @@ def life_page(found: Life, say: Say | None = None) -> str:
     chosen = np.unique(np.linspace(0, len(stages) - 1, _MOST).round().astype(int))
     members: list[Member] = []
     known: dict[str, Any] = {}
+    _, scale = for_people('m', max(float(x) for stage in stages for x in stage.clearance))
     for k, stage in enumerate(stages[i] for i in chosen):
         if say:
             say(f'motion {k + 1} of {len(chosen)}')
@@ -166,7 +167,7 @@ def life_page(found: Life, say: Say | None = None) -> str:
             known, machine = scene, build(name, check_scene(name, scene))
             run = simulate(machine, revolutions=skip + 2)
             record = Record(machine, run, {}).between(skip * machine.drive.period, run.duration)
-        heights = [1e3 * float(x) for x in stage.clearance]
+        heights = [scale * float(x) for x in stage.clearance]
         members.append(Member(f'{stage.cycles:.3g}', record, (stage.cycles, heights)))
     charts = lives.charts(found, found.machine.scene.title)
     end = '' if math.isnan(found.cycles) else f' The life ends after {found.cycles:.4g} cycles.'

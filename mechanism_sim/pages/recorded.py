@@ -11,7 +11,7 @@ import scipy
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.export.stage import Stage, StageFrames, Swaying, packed, stage_of
 from mechanism_sim.results.run import instants
 from mechanism_sim.scene import Machine
@@ -39,24 +39,24 @@ class Recorded:
     record: Record
     stage: Stage
     frames: StageFrames
-    impacts: list[Impact]  #: the hardest of them, in the order of time
+    impacts: Impacts  #: the hardest of them, in the order of time
     hardest: float  #: impulse [N s] of the hardest; 0 if there is none
     left_out: int  #: number of impacts not among them
     away: float  #: share of the time in which a pin is shown more than `AWAY` from its place
 
     def to_json(self) -> dict[str, Any]:
         """Plain data of the run; see `Stage.to_json`, `StageFrames.packed`."""
-        gaps = [impact.joint for impact in self.impacts]
-        struck = {gap: self.stage.struck(gap) for gap in set(gaps)}
+        column, names = self.impacts.column, self.impacts.names
+        struck = {gap: self.stage.struck(gap) for gap in np.unique(names)}
         return {
             'stage': self.stage.to_json(),
             'frames': self.frames.packed(),
             'impacts': {
-                't': packed(np.array([impact.t for impact in self.impacts])),
-                'bearing': packed(np.array([struck[gap][0] for gap in gaps], np.int16)),
-                'joint': packed(np.array([struck[gap][1] for gap in gaps], np.int16)),
-                'angle': packed(np.array([i.normal_angle for i in self.impacts], np.float32)),
-                'impulse': packed(np.array([i.normal_impulse for i in self.impacts], np.float32)),
+                't': packed(column('t')),
+                'bearing': packed(np.array([struck[gap][0] for gap in names], np.int16)),
+                'joint': packed(np.array([struck[gap][1] for gap in names], np.int16)),
+                'angle': packed(column('normal_angle').astype(np.float32)),
+                'impulse': packed(column('normal_impulse').astype(np.float32)),
                 'hardest': self.hardest,
             },
         }
@@ -77,8 +77,10 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     numbers += 3 * len(stage.plays) + 3 * len(stage.skeleton.mounts)
     size = 16 + 4 * numbers + len(stage.bearings) + len(stage.plays)
     most = min(MOST, _BYTES // size)
-    hardest_first = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
-    kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
+    struck = record.piece.impacts
+    impulse, among = struck.column('normal_impulse'), np.zeros(len(struck), bool)
+    among[np.argsort(-impulse, kind='stable')[:MOST]] = True
+    kept = struck.where(among)
     t = times_of(record, most, most // 8)
     parts = []
 
@@ -90,9 +92,9 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
         some = t[first : first + _BLOCK]
         parts.append(framed(some))
         if show:
-            show(float(some[-1]), int(np.searchsorted([i.t for i in kept], some[-1])))
-    hardest = max((i.normal_impulse for i in kept), default=0.0)
-    left_out = len(hardest_first) - len(kept)
+            show(float(some[-1]), int(np.searchsorted(kept.column('t'), some[-1])))
+    hardest = float(impulse.max(initial=0.0))
+    left_out = len(struck) - len(kept)
     frames = StageFrames.joined(parts)
     away = _away(record.machine, frames, framed(0.5 * (many[1:] + many[:-1])))
     return Recorded(record, stage, frames, kept, hardest, left_out, away)

@@ -16,7 +16,6 @@ from mechanism_sim.report.charts.impacts import rose_chart, wear_chart
 from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.charts.subjects import density, envelope, orders
 from mechanism_sim.sensing.spectra import TurnSegments
-from mechanism_sim.units import for_people
 
 _SUMS = {
     'impulse': ('impulses of impacts', 'N s'),
@@ -53,14 +52,13 @@ def _named(details: Details) -> Iterator[tuple[str, Chart]]:
 
 def _average(name: str, average: Average, drive: str) -> Chart:
     turns = average.turns
-    unit, scale = for_people(average.unit)
-    angle, mean, spread = np.degrees(turns.angle), scale * turns.mean, scale * turns.spread
+    angle, mean, spread = np.degrees(turns.angle), turns.mean, turns.spread
     curves = (
         ChartCurve(angle, mean + spread, 'standard deviation', name, form='area', look='range',
               low=mean - spread),
         ChartCurve(angle, mean, f'mean of {turns.text}', name),
     )  # fmt: skip
-    panel = Panel(turn_of(drive, turns.turns), Axis(name.replace('_', ' '), unit), curves)
+    panel = Panel(turn_of(drive, turns.turns), Axis(name.replace('_', ' '), average.unit), curves)
     return Chart('average', f'{name}, turn by turn', (panel,), 'angle', name)
 
 
@@ -75,7 +73,7 @@ def _cycles(name: str, hits: ImpactDetails, drive: str) -> Chart:
     """[SB] 8.12 and 7.10: the dominant impacts by angle of the drive, and sums turn by turn."""
     rose, cycles = hits.rose, hits.cycles
     assert cycles is not None  # noqa: S101 - asked before
-    angle, impulse = np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse
+    angle, impulse = np.degrees(rose.crank_angle), rose.normal_impulse
     curves = [
         ChartCurve(angle, impulse, colour=GROUND, form='dots', look='fine', marker='circle-open')
     ]
@@ -89,10 +87,10 @@ def _cycles(name: str, hits: ImpactDetails, drive: str) -> Chart:
         )
     turn = (cycles.first + np.arange(len(cycles.count))).astype(float)
     x = Axis(f'turn of the {drive}', '', every=whole(len(turn)))
-    panels = [Panel(turn_of(drive), Axis('normal impulse', 'mN s', low=0.0), tuple(curves))]
+    panels = [Panel(turn_of(drive), Axis('normal impulse', 'N s', low=0.0), tuple(curves))]
     for sums, words in (cycles.impulse, 'sum of impulses'), (cycles.I_n, 'impulse per impact'):
-        curve = ChartCurve(turn, 1e3 * sums, words, form='steps')
-        panels.append(Panel(x, Axis(words, 'mN s', low=0.0), (curve,), height=SMALL))
+        curve = ChartCurve(turn, sums, words, form='steps')
+        panels.append(Panel(x, Axis(words, 'N s', low=0.0), (curve,), height=SMALL))
     return Chart('cycles', f'impacts in {name}, turn by turn', tuple(panels), 'angle', name)
 
 
@@ -111,15 +109,14 @@ def _wear(name: str, bushing: WearMap, pin: WearMap) -> Chart:
 
 def _deviation(name: str, beside: Beside, drive: str) -> Chart:
     own, ideal = beside.deviation.own, beside.deviation.ideal
-    unit, scale = for_people(beside.unit)
     angle = np.degrees(own.angle)
 
     def last(turns: TurnSegments) -> Array:
-        return scale * turns.by_angle(turns.values[-1])
+        return turns.by_angle(turns.values[-1])
 
     curves = (
         ChartCurve(angle, last(own), 'the last turn', name),
         ChartCurve(angle, last(ideal), 'ideal machine', name, GROUND, look='ideal'),
     )
-    panel = Panel(turn_of(drive), Axis(name.replace('_', ' '), unit), curves[::-1])
+    panel = Panel(turn_of(drive), Axis(name.replace('_', ' '), beside.unit), curves[::-1])
     return Chart('deviation', f'{name} beside the ideal machine', (panel,), 'angle', name)

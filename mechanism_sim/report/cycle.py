@@ -29,7 +29,8 @@ _NOTHING = 1e-8  # share of the other end of a range, printed with six digits
 def where(cycle: Cycle, extreme: Extreme) -> str:
     """The position of the drive at an extreme, within the turns that bring all again."""
     if cycle.drive in cycle.machine.mechanism.displacements:
-        return f'{1e3 * extreme.drive:.4f} mm'
+        unit, scale = for_people('m', cycle.machine.mechanism.size)
+        return f'{scale * extreme.drive:.4f} {unit}'
     again = 360.0 * cycle.machine.drive.repetition.turns
     angle = math.degrees(extreme.drive) % again
     return f'{0.0 if angle > again - 5e-5 else angle:.4f} deg'
@@ -51,13 +52,18 @@ def sections(cycle: Cycle) -> Iterator[Section]:
 def position(machine: Machine, value: float, found: Mapping[str, float]) -> Section:
     """Quantities of a machine at one position of its drive [rad, m]."""
     known, main = catalogue(machine), machine.plan.main
-    shown, scale = for_people('m' if main in machine.mechanism.displacements else 'rad')
+    shown, scale = for_people(known[f'position.{main}'].unit, abs(value))
     rows = []
     for name, x in found.items():
-        unit, factor = for_people(known[name].unit)
+        unit, factor = _unit(known[name].unit, x)
         rows.append((name, unit, f'{factor * x:z.9g}' if math.isfinite(x) else 'not determined'))
     head = ('', 'unit', 'value')
     return Section(f'at {main} = {scale * value:.9g} {shown}', table=[head, *rows], left=2)
+
+
+def _unit(unit: str, *values: float) -> tuple[str, float]:
+    """Lengths are in the unit of their size; all else of a kind is compared in one unit."""
+    return for_people(unit, max(map(abs, values)) if unit == 'm' else 0.0)
 
 
 def _range(cycle: Cycle) -> Iterator[str]:
@@ -81,8 +87,8 @@ def extremes(cycle: Cycle) -> Section:
     for name, ends in cycle.extremes().items():
         if known.is_component(name):
             continue
-        shown, scale = for_people(known[name].unit)
         both = ends.least, ends.greatest
+        shown, scale = _unit(known[name].unit, *(x.value for x in both))
         # a step in rates is found a little beside its zero: what that leaves is nothing
         nothing = max(ends.rounding, _NOTHING * max(abs(x.value) for x in both))
         low, high = (f'{scale * x.value:.6g}' if abs(x.value) > nothing else '0' for x in both)
@@ -109,7 +115,7 @@ def _peaks(cycle: Cycle) -> Iterator[str]:
 def _swings(cycle: Cycle) -> Iterator[str]:
     machine = cycle.machine
     for name, swing in cycle.swings().items():
-        shown, scale = for_people(catalogue(machine)[f'position.{name}'].unit)
+        shown, scale = for_people(catalogue(machine)[f'position.{name}'].unit, swing.size)
         if swing.turns:
             line = f'{name} makes {counted(swing.turns, "full turn")}'
             back = sum(abs(x.way) for x in swing.strokes if x.way * swing.turns < 0.0)

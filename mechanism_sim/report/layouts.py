@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -50,11 +50,10 @@ def plots(machine: Machine, namespace: str = '') -> list[Plot]:
     """The plots of a machine that have at least one line."""
     made = (*_motion(machine), *_forces(machine), *_contacts(machine), *_parts(machine))
     return [
-        Plot(p.group, p.title, {label: resolve(namespace, x) for label, x in p.paths.items()},
-             p.style)
+        replace(p, paths={label: resolve(namespace, x) for label, x in p.paths.items()})
         for p in (*made, *_sensors(machine))
         if p.paths
-    ]  # fmt: skip
+    ]
 
 
 def _numbered(

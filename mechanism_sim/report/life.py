@@ -100,10 +100,10 @@ def charts(found: Life, title: str) -> tuple[Chart, Chart]:
     n = np.array([stage.cycles for stage in found.stages])
     curves = []
     for k, joint in enumerate(found.joints):
-        own = np.array([1e3 * stage.clearance[k] for stage in found.stages])
-        doubt = np.array([1e3 * (stage.error[k] + stage.scatter[k]) for stage in found.stages])
+        own = np.array([stage.clearance[k] for stage in found.stages])
+        doubt = np.array([stage.error[k] + stage.scatter[k] for stage in found.stages])
         curves.append(ChartCurve(n, own, joint, joint, k, marker='circle', error=doubt))
-    size = Panel(Axis('cycles'), Axis('largest clearance', 'mm'), tuple(curves), height=2.6)
+    size = Panel(Axis('cycles'), Axis('largest clearance', 'm'), tuple(curves), height=2.6)
     panels = []
     count = len(found.stages)
     chosen = np.unique(np.linspace(1, count - 1, min(count - 1, _PROFILES)).round().astype(int))

@@ -64,7 +64,8 @@ def plot(
     series = drawn(run, [*flat(names)] or [*_usual(piece)], begin, finish)
     if not names:
         series = [_in_turn(s) for s in series]
-    impact_times = [i.t for i in piece.impacts if begin <= i.t <= finish]
+    t = piece.impacts.column('t')
+    impact_times = t[(begin <= t) & (t <= finish)]
     own = numbers(run.machine.mechanism)
     return draw(chart(series, run.machine.scene.title, abscissa, own, impact_times))
 

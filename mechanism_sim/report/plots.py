@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
-from mechanism_sim.analysis.series import sampled
+from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Over, Panel, joined
-from mechanism_sim.report.charts.lines import against, chart, columns
+from mechanism_sim.report.charts.lines import against, chart, columns, hodograph
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.quantities.motion import RATES
@@ -45,12 +45,16 @@ def charts(cycle: Cycle) -> Iterator[Chart]:
 
 def _over(cycle: Cycle, what: str, *names: str) -> tuple[Panel, ...]:
     """The panels of columns over time, the angle of the drive, or another column."""
-    own, ends = numbers(cycle.machine.mechanism), cycle.extremes()
-    shown = [
+    own = numbers(cycle.machine.mechanism)
+    return chart(_shown(cycle, names), '', against(cycle, what), own).panels
+
+
+def _shown(cycle: Cycle, names: Sequence[str]) -> list[Series]:
+    ends = cycle.extremes()
+    return [
         replace(s, values=ends[s.name].without_rounding(s.values)) if s.name in ends else s
         for s in sampled(cycle, names, cycle.t)
     ]
-    return chart(shown, '', against(cycle, what), own).panels
 
 
 def _panels(cycle: Cycle, names: Sequence[str]) -> tuple[Panel, ...]:
@@ -67,12 +71,11 @@ def _chart(cycle: Cycle, key: str, found: list[Panel], beside: int = 0) -> Chart
 def _hodographs(cycle: Cycle) -> Chart:
     """The vector of each joint's force over its direction, and of the force on the frame."""
     joints = map(cycle.machine.mechanism.joint, cycle.machine.physics.joints)
-    forces = {f'reaction.{j.name}': f'{j.name}: {j.first} on {j.second}' for j in joints}
-    forces['shaking_force'] = 'all on the frame'
+    forces = {f'reaction.{j.name}.size': f'{j.name}: {j.first} on {j.second}' for j in joints}
+    forces['shaking_force.size'] = 'all on the frame'
     found = [
-        replace(panel, title=title, curves=tuple(replace(c, label='') for c in panel.curves))
-        for name, title in forces.items()
-        for panel in _over(cycle, f'{name}.direction', f'{name}.size')
+        replace(hodograph(cycle, size), title=forces[size.name])
+        for size in _shown(cycle, [*forces])
     ]
     single = Chart('hodographs', cycle.machine.scene.title, tuple(found), 'polar')
     return replace(joined(single.title, [single], 3), key='hodographs')
@@ -88,7 +91,7 @@ def _paths(cycle: Cycle) -> Chart:
             found.append(
                 replace(c, label=name if c.label else '', dash=dash, of=f'position.{name}')
             )
-    panel = replace(panel, x=Axis('x', 'mm'), y=Axis('y', 'mm'), curves=tuple(found), title='')
+    panel = replace(panel, x=Axis('x', 'm'), y=Axis('y', 'm'), curves=tuple(found), title='')
     if len(cycle.points) == 1:
         panel = replace(panel, title=name)
     return Chart('paths', cycle.machine.scene.title, (panel,), width=6.0)

@@ -28,6 +28,7 @@ from mechanism_sim.report.drawing import PATHS, Brush, Labels, Move, rule, trace
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.quantities.motion import choose_points
 from mechanism_sim.results.run import instants
+from mechanism_sim.units import for_people
 
 FLASH = tint(ACCENT, 0.4)
 """Colour of impacts."""
@@ -164,9 +165,10 @@ class Screen:
         )
         i = record.machine.physics.coordinates.index(record.machine.plan.main)
         drive, degrees = self._coordinates(self._t)[i], np.degrees(record.angle(self._t))
+        unit, scale = for_people('m', record.machine.mechanism.size)
 
         def show(i: int) -> None:
-            where = f'{1e3 * drive[i]:.1f} mm' if record.slides else f'{degrees[i]:.0f}°'
+            where = f'{scale * drive[i]:.1f} {unit}' if record.slides else f'{degrees[i]:.0f}°'
             name = record.machine.plan.main.replace('_', ' ')
             text.set_text(f't = {self._t[i]:.4f} s    {name} {where}')
 
@@ -334,7 +336,8 @@ class _Bushing(Lens):
         self._force = -frames.forces[:, k].T if known else np.zeros((2, len(t)))
         self._largest = float(np.nanmax(np.hypot(*self._force), initial=0.0)) or 1.0
         own = gaps_of(machine.mechanism, joint, machine.physics.clearances)
-        self._impact_times = np.array([i.t for i in record.piece.impacts if i.joint in own])
+        struck = record.piece.impacts
+        self._impact_times = struck.column('t')[np.isin(struck.names, own)]
         many = _POINTS * len(t)
         self._times = instants(record.piece, float(t[0]), float(t[-1]), 0.0, many, many)
         # pin's centre relative to the bushing's (2, N), in radii of the bushing

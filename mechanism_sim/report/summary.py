@@ -130,7 +130,7 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
     for x in found[:_SENTENCES]:
         slides = machine.plan.main in machine.mechanism.displacements
         angle = round(math.degrees(x.drive), 6) % 360.0
-        place = f'{1e3 * x.drive:.6g} mm' if slides else f'{angle:.6g} deg'
+        place = written(x.drive, 'm', 6) if slides else f'{angle:.6g} deg'
         why = 'tend to infinity'
         if x.rests:
             why = 'are not determined while the drive rests'

@@ -32,7 +32,7 @@ from mechanism_sim.studies.runs import Row, has_failed
 from mechanism_sim.studies.sweep import SweepSummary
 from mechanism_sim.studies.tolerances import FirstOrder
 from mechanism_sim.tables import Column
-from mechanism_sim.units import counted, digits_apart, for_people, to_si
+from mechanism_sim.units import counted, digits_apart, for_people, to_si, written
 from mechanism_sim.units import number as digits
 
 _WORDS = {
@@ -101,8 +101,7 @@ def _given(value: Any, unit: str) -> str:
     """A swept value as in the file; a number with a suitable unit."""
     if not isinstance(value, int | float) or isinstance(value, bool) or not unit:
         return str(value)
-    shown, scale = for_people(unit)
-    return f'{scale * value:.6g} {shown}'
+    return written(value, unit, 6)
 
 
 def _largest(rows: Sequence[Row], name: str) -> float:
@@ -219,10 +218,7 @@ def first_order_json(found: FirstOrder) -> dict[str, object]:
         'runs': found.runs,
         'measures': {
             s.measure: plain(s)
-            | {
-                'enough': s.enough,
-                'contributions': {c.factor: plain(c) for c in s.contributions},
-            }
+            | {'enough': s.enough, 'contributions': {c.factor: plain(c) for c in s.contributions}}
             for s in found.stacks
         },
     }

@@ -83,12 +83,11 @@ def wear_sums(
                 np.full(len(weights), part), places,
                 {row: weights * values for row, values in rows.items()},
             )  # fmt: skip
-    inside = [i for i in piece.impacts if i.joint == joint]
-    impacts = [i for i in inside if times[0] <= i.t < times[-1]]
-    if impacts and len(motion):
-        t, normal, tangential = np.array(
-            [(i.t, i.normal_impulse, i.tangential_impulse) for i in impacts]
-        ).T
+    struck = piece.impacts.of_joint(joint)
+    struck = struck.where((times[0] <= struck.column('t')) & (struck.column('t') < times[-1]))
+    if struck and len(motion):
+        fields = 't', 'normal_impulse', 'tangential_impulse'
+        t, normal, tangential = map(struck.column, fields)
         begun = motion.curve.begun_by(t)
         before, after = np.maximum(begun - 1, 0), np.minimum(begun, len(motion) - 1)
         ended = np.where(begun, motion.curve.duration[before], 0.0)

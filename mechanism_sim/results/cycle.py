@@ -39,7 +39,7 @@ from mechanism_sim.scene.load import has_place, without_clearance
 from mechanism_sim.scene.plan import keeps_speed
 from mechanism_sim.scene.validation import between_limits, turns_round
 from mechanism_sim.tables import Table
-from mechanism_sim.units import argument
+from mechanism_sim.units import argument, for_people
 
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6  # duration [s] of a run of which only the start is used
@@ -507,7 +507,8 @@ def _time_at(cycle: Cycle, value: float) -> float:
     t = np.union1d(one_way_ends(curve, machine.physics.coordinates.index(cycle.drive)), cycle.t)
     t = np.clip(t, cycle.t[0], cycle.t[-1])
     way = cycle.at(t, [name])[name]
-    low, high, unit, scale = float(way.min()), float(way.max()), 'mm', 1e3
+    low, high = float(way.min()), float(way.max())
+    unit, scale = for_people('m', max(abs(low), abs(high)))
     slack = 1e-9 * max(abs(low), abs(high))
     if cycle.drive not in machine.mechanism.displacements:
         unit, scale = 'deg', 180.0 / math.pi

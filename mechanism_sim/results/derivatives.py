@@ -196,8 +196,7 @@ class _Integrated(RunDerivative):
     def impacts(self) -> Table:
         """Derivatives of the fields of every impact, each as its instant moves."""
         columns = dict(zip(NUMBERS, self._logged.T, strict=True))
-        joints = np.array([i.joint for i in self._piece.impacts], dtype=str)
-        return Table({'joint': joints} | columns, IMPACT_UNITS)
+        return Table({'joint': self._piece.impacts.names} | columns, IMPACT_UNITS)
 
     @cached_property
     def _growth(self) -> Array:
@@ -328,13 +327,9 @@ class _Integrated(RunDerivative):
             states = _shifted(states, np.repeat(by, s)) if s else states
             start = start + by
             duration = duration + np.append(np.diff(by), -by[-1])
-            impacts = [
-                i._replace(**{
-                    name: getattr(i, name) + scale[0] * float(x)
-                    for name, x in zip(NUMBERS, row, strict=True) if np.isfinite(x)
-                })
-                for i, row in zip(impacts, self._logged, strict=True)
-            ]  # fmt: skip
+            known = np.where(np.isfinite(self._logged), self._logged, 0.0)
+            for name, column in zip(NUMBERS, known.T, strict=True):
+                impacts = impacts.with_column(name, impacts.column(name) + scale[0] * column)
         else:
             powers[~np.isfinite(self._coefficients).all(axis=(1, 2))] = np.nan
         path = PiecewisePolynomial(start, curve.start_low, duration, curve.turns, powers)

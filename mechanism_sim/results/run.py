@@ -93,7 +93,7 @@ class Piece(Rich):
     machine: Machine
     motion: Motion
     balance: EnergyTerms
-    impacts: Sequence[Impact]
+    impacts: Impacts
     modes: list[ModeChange]
 
     @staticmethod
@@ -120,10 +120,8 @@ class Piece(Rich):
 
     def impact_table(self) -> Table:
         """The impacts as columns (n,), SI units."""
-        known = Impacts.of(self.impacts)
-        columns = {n: known.column(n) for n in Impact._fields if n != 'joint'}
-        joints = {'joint': np.array(known.joints or [''], str)[known.gaps]}
-        return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
+        columns = {n: self.impacts.column(n) for n in Impact._fields if n != 'joint'}
+        return Table({'t': columns['t'], 'joint': self.impacts.names} | columns, IMPACT_UNITS)
 
     def digest(self) -> str:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
@@ -539,8 +537,8 @@ def instants(
     passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(marks)))
     count = int(np.clip(int(passed[-1]) + 1, fewest, most))
     even = np.interp(np.linspace(0.0, passed[-1], count), passed, marks)
-    hardest = sorted(piece.impacts, key=lambda i: -i.normal_impulse)
-    at = np.array([*(i.t for i in hardest), *(c.t for c in piece.modes)][:events], np.float64)
+    hardest = np.argsort(-piece.impacts.column('normal_impulse'), kind='stable')
+    at = np.append(piece.impacts.column('t')[hardest], [c.t for c in piece.modes])[:events]
     marked = np.concatenate([np.nextafter(at, -np.inf), at, *([curve.start] if steps else [])])
     t = np.union1d(even, marked[(marked > start) & (marked <= end)])
     return np.unique(np.clip(t, curve.start[0], curve.end))

@@ -84,7 +84,7 @@ class CoordinateStart:
     unit: str
 
     def __str__(self) -> str:
-        shown, scale = for_people(self.unit)
+        shown, scale = for_people(self.unit, abs(self.value))
         rate = f', {self.rate:.6g} {self.unit}/s' if self.rate else ', at rest'
         return f'{self.words}, {scale * self.value:.9g} {shown}{rate}'
 

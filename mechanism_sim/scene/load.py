@@ -25,7 +25,7 @@ from mechanism_sim.scene.plan import ScenePlan, keeps_speed
 from mechanism_sim.scene.remarks import angle_questions, length_questions
 from mechanism_sim.scene.schema import InitialPart, Scene
 from mechanism_sim.scene.validation import TURN, between_limits, limits_text, validate
-from mechanism_sim.units import QuantityValue, argument
+from mechanism_sim.units import QuantityValue, argument, written
 
 _PLAYS = 'clearance', 'lift_off', 'backlash'
 Source: TypeAlias = str | Path | Mapping[str, Any] | Scene | FourBarScene | Machine
@@ -168,7 +168,7 @@ def placed(machine: Machine, value: float) -> Machine:
     kinematics = plan.kinematics(plan.prescribed)
     place = next((p for x in goals if (p := placed_at(kinematics, q, x)) is not None), None)
     if place is None:
-        shown = f'{1e3 * value:.9g} mm' if straight else f'{math.degrees(value):.9g} deg'
+        shown = written(value, 'm', 9) if straight else f'{math.degrees(value):.9g} deg'
         raise SceneError(f'{machine.name}: {main} cannot be at {shown}: {limits_text(machine)}')
     speed = plan.held[main][1]
     return _moved(machine, place, turned, speed, None, _MOMENT)

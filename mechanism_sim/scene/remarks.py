@@ -357,7 +357,7 @@ def _turns_on(machine: Machine, link: str) -> bool:
 
 
 def _length(x: float) -> str:
-    return f'{x:.3g} m' if x >= 1.0 else f'{1e3 * x:.3g} mm'
+    return written(x, 'm', 3)
 
 
 def unused(machine: Machine) -> list[str]:

@@ -30,6 +30,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
 from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.start import check_apart
+from mechanism_sim.units import for_people
 
 _ROUNDING = 1e-9  # share of the machine's size within which nothing overlaps
 _PLAYS = 10.0  # plays of loose joints, all together, by which they may give way
@@ -144,9 +145,9 @@ def limits_text(machine: Machine) -> str:
     found, main = machine.nominal.drive_range, machine.plan.main
     if not found or not found.limited:
         return ''
-    shown, scale, turned = 'mm', 1e3, 0.0
-    if main not in machine.plan.ideal.displacements:
-        shown, scale, turned = 'deg', 180.0 / math.pi, TURN * machine.plan.turned.get(main, 0)
+    turns = main not in machine.plan.ideal.displacements
+    turned = TURN * machine.plan.turned.get(main, 0) if turns else 0.0
+    shown, scale = for_people('rad' if turns else 'm', machine.mechanism.size)
     low, high = (f'{scale * (x + turned):.9g} {shown}' for x in (found.low, found.high))
     if not math.isfinite(found.low):
         return f'{main} reaches a limit at {high}, and none before'

@@ -5,6 +5,7 @@ import json
 import math
 import re
 import warnings
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,10 +19,11 @@ from mechanism_sim.analysis.collectors import ModeShares
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.pages.charts import figure, sections
+from mechanism_sim.export.palette import GROUND
+from mechanism_sim.pages.charts import NIGHT, figure, sections
 from mechanism_sim.report.charts import bands, impacts
 from mechanism_sim.report.charts import charted_run as charted_run_module
-from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
+from mechanism_sim.report.charts.chart import TIME, Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.charts.charted_run import ChartedRun
 from mechanism_sim.report.charts.thinning import MOST, SampledLine, thin, thinned
 
@@ -91,7 +93,7 @@ def test_the_range_over_all_turns_holds_every_one():
     record = simulated('two_disk_rotor', duration=0.3)
     charts = charts_of(sections(record))
     for key, column, scale in (
-        ('motion-position-straight', 'position.disk.x', 1e3),
+        ('motion-position-straight', 'position.disk.x', 1.0),
         ('motion-position-turning', 'position.disk.tilt_x', math.degrees(1.0)),
     ):
         (reach,) = curves(charts[key], column, 'range')
@@ -138,7 +140,7 @@ def test_a_turn_may_begin_at_any_angle():
     (c,) = curves(chart, 'valve')
     known = np.isfinite(c.x)
     exact = record.piece.sample(c.when[known], 'position.valve')['position.valve']
-    assert c.y[known] == pytest.approx(1e3 * exact, abs=1e-3)
+    assert c.y[known] == pytest.approx(exact, abs=1e-6)
 
 
 def test_there_is_no_ideal_of_a_drive_that_was_commanded_otherwise(loose):
@@ -214,7 +216,8 @@ def test_there_is_a_stem_for_every_impact(loose, charts):
         struck = [i for i in loose.piece.impacts if since <= i.t <= until]
         (c,) = curves(charts[key], JOINT)
         assert (c.form, c.x.tolist()) == ('stems', [i.t for i in struck])
-        assert c.y == pytest.approx([1e3 * i.normal_impulse for i in struck], rel=1e-12)
+        assert c.y == pytest.approx([i.normal_impulse for i in struck], rel=1e-12)
+        assert charts[key].panels[0].y.unit == 'N s'
 
 
 @pytest.mark.slow
@@ -242,7 +245,7 @@ def test_of_many_impacts_the_hardest_are_drawn(loose, monkeypatch):
     (c,) = curves(section.charts[1], JOINT)
     assert len(c.x) <= 30
     hardest = max(i.normal_impulse for i in loose.piece.impacts)
-    assert c.y.max() == pytest.approx(1e3 * hardest, rel=1e-12)
+    assert c.y.max() == pytest.approx(hardest, rel=1e-12)
     assert 'the hardest in each of 30 intervals' in section.text
 
 
@@ -423,3 +426,32 @@ def test_every_scene_has_its_charts(name):
         written = figure(chart)
         json.dumps(written, allow_nan=False)
         assert written['layout']['height'] < 4000
+
+
+def test_panels_beside_each_other_are_above_each_other_where_it_is_narrow():
+    """All that differs are places: no panel lies on another, and lines keep their axes."""
+    at = np.array([0.0, 1.0])
+    curve = ChartCurve(at, at)
+    row = [Panel(Axis('angle', 'deg'), Axis('force', 'N'), (curve,), f'{k}') for k in range(5)]
+    single = figure(Chart('key', 'title', tuple(row)))
+    assert single['narrow'] == {}
+    written = figure(Chart('key', 'title', tuple(row), columns=2))
+    wide, narrow = written['layout'], written['layout'] | written['narrow']
+    assert wide.keys() == narrow.keys()
+    assert wide['yaxis']['domain'] == wide['yaxis2']['domain']
+    domains = [narrow[f'yaxis{k or ""}']['domain'] for k in ('', 2, 3, 4, 5)]
+    assert all(low > high for (low, _), (_, high) in pairwise(domains))
+    assert {tuple(narrow[x]['domain']) for x in ('xaxis', 'xaxis2')} == {(0.0, 1.0)}
+    assert narrow['height'] > wide['height']
+
+
+def test_pale_lines_have_a_colour_on_dark_ground():
+    """That of the ideal machine stayed dark there."""
+    at = np.array([0.0, 1.0])
+    pale = ChartCurve(at, at, colour=GROUND, look='ideal')
+    band = ChartCurve(at, at, low=at, form='area', look='range')
+    written = figure(Chart('key', 'title', (Panel(TIME, Axis('force', 'N'), (pale, band)),)))
+    line, area = written['data']
+    for shade in (line['line']['color'], area['fillcolor']):
+        assert shade[:7] in NIGHT
+        assert len(shade) == 9  # and how pale it is

@@ -223,15 +223,30 @@ def check_marks(panel, axes, layout, traces):
 
 
 def test_large_and_small_values_are_drawn_in_the_units_of_tables():
-    """One unit for all panels that have one; those that compare x and y keep theirs."""
+    """One unit for all axes that have one, along x of lengths and of what is compared with y."""
 
-    def panel(unit, y, **more):
+    def panel(unit, y, x=TIME, **more):
         values = np.array(y)
-        return Panel(TIME, Axis('size', unit, high=y[-1]), (ChartCurve(values, values),), **more)
+        return Panel(x, Axis('size', unit, high=y[-1]), (ChartCurve(values, values),), **more)
 
     made = [panel('N', [0.0, -2e4, 3.0]), panel('N', [0.0, 1.0, 5.0]), panel('J', [0.0, 2e-3])]
-    made += [panel('deg', [0.0, 2e5]), panel('N', [0.0, 2e4], form='equal')]
+    made += [panel('deg', [0.0, 2e5]), panel('N', [0.0, 2e4], Axis('x', 'N'), form='equal')]
     shown = Chart('k', 't', tuple(made)).readable().panels
-    assert [p.y.unit for p in shown] == ['kN', 'kN', 'mJ', 'deg', 'N']
-    assert [p.curves[0].y[-1] for p in shown] == [3e-3, 5e-3, 2.0, 2e5, 2e4]
-    assert [p.y.high for p in shown] == [3e-3, 5e-3, 2.0, 2e5, 2e4]
+    assert [p.y.unit for p in shown] == ['kN', 'kN', 'mJ', 'deg', 'kN']
+    assert [p.x.unit for p in shown] == ['s', 's', 's', 's', 'kN']
+    assert [p.curves[0].y[-1] for p in shown] == [3e-3, 5e-3, 2.0, 2e5, 20.0]
+    assert [p.curves[0].x[-1] for p in shown] == [3.0, 5.0, 2e-3, 2e5, 20.0]
+    assert [p.y.high for p in shown] == [3e-3, 5e-3, 2.0, 2e5, 20.0]
+
+
+@pytest.mark.parametrize(
+    ('size', 'unit', 'shown'),
+    [(300.0, 'm', 300.0), (0.3, 'mm', 300.0), (3e-6, 'µm', 3.0), (2e-8, 'µm', 0.02)],
+)
+def test_lengths_have_the_unit_of_their_size(size, unit, shown):
+    """Of a machine of 100 m they are in m, of one etched in silicon in µm, along x as well."""
+    values = np.array([0.0, size])
+    panel = Panel(Axis('x', 'm'), Axis('gap', 'm'), (ChartCurve(values, values),))
+    (found,) = Chart('k', 't', (panel,)).readable().panels
+    assert (found.x.unit, found.y.unit) == (unit, unit)
+    assert [found.curves[0].x[-1], found.curves[0].y[-1]] == pytest.approx([shown, shown])

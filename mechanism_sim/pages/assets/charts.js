@@ -21,6 +21,7 @@ export async function loadPlotly() {
 }
 
 const PAPER = 680; // [px] between the margins of a page
+const NARROW = 520; // [px] of a chart whose panels are above each other
 const SCALE = 2; // pixels of a picture to one of the screen
 const DIGITS = { f4: 8, f8: 15 }; // significant, of numbers as they come to the page
 
@@ -63,6 +64,7 @@ export class Charts {
     this.dark = dark;
     this.night = matchMedia('(prefers-color-scheme: dark)');
     this.night.addEventListener('change', () => this.#again(this.night.matches));
+    addEventListener('resize', () => matchMedia('print').matches || this.#again(this.night.matches));
     this.time = 0;
     this.drawn = new Map();
     this.places = [...document.querySelectorAll('figure.chart')];
@@ -109,30 +111,38 @@ export class Charts {
     }
   }
 
-  /** As on paper, or on dark ground. */
-  #figure(key, dark) {
-    const { data, layout } = this.figures[key];
+  /** As on paper, or on dark ground; panels above each other where it is narrow. */
+  #figure(key, dark, narrow = false) {
+    const { data, narrow: changed, layout: whole } = this.figures[key];
+    const layout = narrow ? { ...whole, ...changed } : whole;
     if (!dark) return { data, layout };
     return JSON.parse(JSON.stringify({ data, layout })
       .replace(this.colours, (shade) => this.dark[shade.toLowerCase()]));
   }
 
   #again(dark) {
-    for (const [key, { plot, config }] of this.drawn) {
-      const { data, layout } = this.#figure(key, dark);
-      Plotly.react(plot, data, { autosize: true, ...layout }, config);
-    }
+    for (const [key, chart] of this.drawn) this.#show(key, chart, dark);
+  }
+
+  #show(key, chart, dark) {
+    const { plot, config } = chart;
+    const narrow = plot.clientWidth < NARROW;
+    if (chart.dark === dark && chart.narrow === narrow) return;
+    Object.assign(chart, { dark, narrow });
+    const { data, layout } = this.#figure(key, dark, narrow);
+    plot.style.height = `${layout.height}px`;
+    Plotly.react(plot, data, { autosize: true, ...layout }, config);
   }
 
   /** Saves a chart, as far as it is zoomed: as a picture on paper, or its numbers. */
   async #save(key, format) {
     const name = `${this.scene}_${key}.${format}`;
-    const { plot } = this.drawn.get(key);
+    const { plot, narrow } = this.drawn.get(key);
     if (format === 'csv') {
       save(table(this.#columns(key)), name);
       return;
     }
-    const { data, layout } = this.#figure(key, false);
+    const { data, layout } = this.#figure(key, false, narrow);
     const zoomed = Object.fromEntries(Object.entries(plot.layout)
       .filter(([axis, { range }]) => /^[xy]axis/.test(axis) && range)
       .map(([axis, { range, autorange }]) => [axis, { ...layout[axis], range, autorange }]));
@@ -183,11 +193,10 @@ export class Charts {
     if (this.drawn.has(key)) return;
     this.watch.unobserve(place);
     const plot = place.querySelector('.plot');
-    const { data, layout } = this.#figure(key, this.night.matches);
     const config = buttons((format) => this.#save(key, format));
     const chart = { plot, axis, config, cursors: [] };
     this.drawn.set(key, chart);
-    Plotly.newPlot(plot, data, { autosize: true, ...layout }, config);
+    this.#show(key, chart, this.night.matches);
     const when = (point) => (axis === 'time' ? point.x : point.customdata?.[0] ?? point.customdata);
     plot.on('plotly_click', ({ points: [point] }) => {
       if (axis === 'value') this.acts.pick(point.x, point.y);

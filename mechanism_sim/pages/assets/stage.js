@@ -2,6 +2,7 @@ import { add, arrow, carried, line, onResize, quantity } from 'svg';
 
 /** Units of the drawing in a symbol, the size of a joint. */
 const SYMBOL = 10;
+const FOOT = 34; // [px] below the machine, for the scales of lengths and forces
 const BAR = 11;
 const OPEN = ['line', 'thin'];
 
@@ -30,7 +31,8 @@ export class Stage {
     svg.replaceChildren();
     svg.classList.add('stage');
     svg.classList.remove('zoomed');
-    this.all = [0, 0, (right - left) / this.unit, (top - bottom) / this.unit];
+    this.height = (top - bottom) / this.unit;
+    this.all = [0, 0, (right - left) / this.unit, this.height];
     this.box = this.all;
     svg.setAttribute('viewBox', this.all.map((x) => x.toFixed(2)).join(' '));
     svg.setAttribute('role', 'img');
@@ -166,6 +168,13 @@ export class Stage {
 
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
   #measure() {
+    const { width, height } = this.svg.getBoundingClientRect();
+    if (height > 2 * FOOT && this.box[2] >= this.all[2]) {
+      const scale = Math.min(width / this.all[2], (height - FOOT) / this.height);
+      this.all = [0, 0, this.all[2], this.height + FOOT / scale];
+      this.box = this.all;
+      this.svg.setAttribute('viewBox', this.all.map((x) => x.toFixed(2)).join(' '));
+    }
     this.pixel = 1 / (this.svg.getScreenCTM()?.a || 1);
     this.svg.style.setProperty('--pixel', this.pixel.toFixed(4));
     this.whole = this.pixel * (this.all[2] / this.box[2]);
@@ -272,7 +281,7 @@ export class Stage {
     const { length, text } = this.stage.scale;
     const shown = times > 1 ? below(length / times) : length;
     const far = (shown * times) / this.unit;
-    const at = { transform: `translate(${left} ${top + height - (times > 1 ? 3 / times : 0)}) scale(${1 / times})` };
+    const at = { transform: `translate(${left} ${top + height - 3 * this.pixel}) scale(${1 / times})` };
     const [hidden = '', hiddenForces = ''] = this.rules?.map(({ style }) => style.display) ?? [];
     this.rules?.forEach((rule) => rule.remove());
     const rule = add(this.svg, 'g', { class: 'rule', ...at });

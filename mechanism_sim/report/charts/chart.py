@@ -8,9 +8,10 @@ labels and their order. `mechanism_sim.report.painting` draws it with Matplotlib
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, TypeVar
+from itertools import chain
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -131,7 +132,7 @@ class Mark:
 
 
 NOTHING = np.empty(0)
-_Scalable = TypeVar('_Scalable', float | None, Array | None)
+Along = Literal['x', 'y']
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,27 +170,30 @@ class Panel:
         return 22.5 + 45.0 * int(np.argmin(np.round(reach / (reach.max() or 1.0), 1)))
 
     @property
-    def size(self) -> float:
-        """The largest value along y."""
-        values = [v for c in self.curves for v in (c.y, c.low) if v is not None]
-        known = np.concatenate([NOTHING, *values])
-        return float(np.abs(known[np.isfinite(known)]).max(initial=0.0))
+    def sizes(self) -> list[tuple[Along, str, float]]:
+        """Units and largest values: along y, and along x if that is a length or beside y."""
+        found = [_size('y', self.y, [c.y for c in self.curves] + [c.low for c in self.curves])]
+        if self.form == 'equal' or (self.x.unit == 'm' and not self.x.log):
+            found.append(_size('x', self.x, [c.x for c in self.curves]))
+        return found
 
-    def in_unit(self, unit: str, factor: float) -> Panel:
-        """The panel with another unit along y, in which values are `factor` times as large."""
+    def in_unit(self, along: Along, unit: str, factor: float) -> Panel:
+        """The panel with another unit along an axis: values there are `factor` times as large."""
 
-        def times(v: _Scalable) -> _Scalable:
-            return v if v is None else factor * v
+        def times(part: Any, *names: str) -> Any:
+            values = {name: getattr(part, name) for name in names}
+            return replace(part, **{n: factor * v for n, v in values.items() if v is not None})
 
-        axis = self.y
-        y = replace(
-            axis, unit=unit, low=times(axis.low), high=times(axis.high), every=times(axis.every)
-        )
-        curves = tuple(
-            replace(c, y=factor * c.y, low=times(c.low), error=times(c.error)) for c in self.curves
-        )
-        marks = tuple(replace(m, at=factor * m.at) if m.level else m for m in self.marks)
-        return replace(self, y=y, curves=curves, marks=marks)
+        axis = times(replace(getattr(self, along), unit=unit), 'low', 'high', 'every')
+        own = ('y', 'low', 'error') if along == 'y' else ('x',)
+        curves = tuple(times(c, *own) for c in self.curves)
+        marks = tuple(times(m, 'at') if m.level == (along == 'y') else m for m in self.marks)
+        return replace(self, curves=curves, marks=marks, **{along: axis})
+
+
+def _size(along: Along, axis: Axis, values: Iterable[Array | None]) -> tuple[Along, str, float]:
+    known = np.concatenate([NOTHING, *(v for v in values if v is not None)])
+    return along, axis.unit, float(np.abs(known[np.isfinite(known)]).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,17 +221,16 @@ class Chart:
     def readable(self) -> Chart:
         """Chart with large forces in kN, small energies in mJ and the like, as tables have them.
 
-        Panels of one unit keep one; so do those that compare x and y.
+        Axes of one unit keep one; so do those of a panel that compares x and y.
         """
         sizes: dict[str, float] = {}
-        for p in self.panels:
-            sizes[p.y.unit] = max(sizes.get(p.y.unit, 0.0), p.size)
+        for _, unit, size in chain(*(p.sizes for p in self.panels)):
+            sizes[unit] = max(sizes.get(unit, 0.0), size)
         units = {unit: for_people(unit, size) for unit, size in sizes.items()}
-        panels = [
-            p if p.form == 'equal' or for_people(p.y.unit)[0] != p.y.unit
-            else p.in_unit(*units[p.y.unit])
-            for p in self.panels
-        ]  # fmt: skip
+        panels = list(self.panels)
+        for k, p in enumerate(self.panels):
+            for along, unit, _ in p.sizes:
+                panels[k] = panels[k].in_unit(along, *units[unit])
         return replace(self, panels=tuple(panels))
 
 

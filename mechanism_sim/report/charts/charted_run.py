@@ -175,11 +175,6 @@ class ChartedRun:
             return OVER_TIME
         return over_turns(self.record.machine.plan.main, self.record.degrees, self.again)
 
-    @cached_property
-    def impact_times(self) -> Array:
-        """Times of impacts (N,) [s]."""
-        return np.array([i.t for i in self.record.piece.impacts], np.float64)
-
     @property
     def long(self) -> bool:
         """True if the run is long enough for a chart besides that of its detail."""

@@ -77,9 +77,8 @@ def _chart(
         found += [ideal.series(name, ideal=True) for name in names if name in ideal.quantities]
     if not over.span:
         over = over._replace(axis=replace(over.axis, low=window.start, high=window.end))
-    impact_times = charted.impact_times[
-        (charted.impact_times >= window.start) & (charted.impact_times <= window.end)
-    ]
+    t = charted.record.piece.impacts.column('t')
+    impact_times = t[(t >= window.start) & (t <= window.end)]
     own = numbers(charted.record.machine.mechanism)
     made = panels(found, over, own, impact_times, charted.run.reach if over.span else {})
     return Chart(key, title, tuple(made), over.kind, joint, columns(made))

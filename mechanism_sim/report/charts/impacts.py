@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 
 from mechanism_sim.analysis.roses import Rose, impact_rose, wear_maps
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impacts
 from mechanism_sim.planar.gaps import joint_of_gap
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import (
@@ -26,7 +25,7 @@ from mechanism_sim.report.charts.curves import over_time
 from mechanism_sim.report.charts.thinning import tallest
 from mechanism_sim.units import counted, written
 
-_SHUT = 1e-9  # [mm], never opened
+_SHUT = 1e-12  # [m], never opened
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
 
@@ -36,39 +35,37 @@ _RAYS = 600  # impacts that a rose shows: of more, the hardest
 def impacts(charted: ChartedRun, skip: int) -> ChartSection | None:
     """Impacts over time, by direction, and what wears the bearings."""
     record = charted.record
-    all_impacts = [i for i in record.piece.impacts if i.t >= charted.begin]
-    if not all_impacts:
+    struck = record.piece.impacts
+    struck = struck.where(struck.column('t') >= charted.begin)
+    if not struck:
         return None
-    charts = [
-        _stems(charted, all_impacts, window, f'Impacts in {when}', key)
-        for window, when, key in charted.windows('impacts')
-        if any(window.start <= i.t <= window.end for i in all_impacts)
-    ]
-    hit = {i.joint for i in all_impacts}
+    t, charts = struck.column('t'), list[Chart]()
+    for window, when, key in charted.windows('impacts'):
+        if some := struck.where((window.start <= t) & (t <= window.end)):
+            charts.append(_stems(charted, some, window, f'Impacts in {when}', key))
     for joint in record.loose_joints:
-        if joint in hit:
+        if joint in struck.names:
             rose = impact_rose(record, joint, skip)
             charts += [
                 rose_chart(rose, on_pin, *_joint(charted, joint)) for on_pin in (True, False)
             ]
         if record.machine.physics.has_forces:
             charts += _wear(charted, joint, skip)
-    return ChartSection('impacts', 'Impacts', _text(charted, all_impacts), tuple(charts))
+    return ChartSection('impacts', 'Impacts', _text(charted, struck), tuple(charts))
 
 
-def _text(charted: ChartedRun, all_impacts: list[Impact]) -> str:
-    hardest = max(all_impacts, key=lambda i: i.normal_impulse)
-    lost = sum(i.energy_loss for i in all_impacts)
-    many = counted(len(all_impacts), 'impact', ',')
-    total = written(sum(i.normal_impulse for i in all_impacts), 'N s')
+def _text(charted: ChartedRun, struck: Impacts) -> str:
+    impulse, lost = struck.column('normal_impulse'), struck.column('energy_loss').sum()
+    hardest = struck[int(impulse.argmax())]
+    many, total = counted(len(struck), 'impact', ','), written(impulse.sum(), 'N s')
     text = (
         f'{many} with an impulse of {total} and a loss of {written(lost, "J")} in all; the '
         f'hardest, {written(hardest.normal_impulse, "N s")}, in {hardest.joint} at '
         f'{hardest.t:.6g} s.'
     )
-    if max(Counter(i.joint for i in all_impacts).values()) > STEMS:
+    if np.bincount(struck.gaps).max() > STEMS:
         text += f' Of the whole run the hardest in each of {STEMS} intervals are drawn.'
-    if any(j in {i.joint for i in all_impacts} for j in charted.record.loose_joints):
+    if np.isin(struck.names, charted.record.loose_joints).any():
         text += (
             ' In polar charts each impact is a line to the place it strikes, in the frame of the '
             'part that is struck; the hardest are marked by their rank.'
@@ -77,7 +74,7 @@ def _text(charted: ChartedRun, all_impacts: list[Impact]) -> str:
 
 
 def _stems(
-    charted: ChartedRun, all_impacts: list[Impact], window: ChartWindow, title: str, key: str
+    charted: ChartedRun, struck: Impacts, window: ChartWindow, title: str, key: str
 ) -> Chart:
     curves = []
     # the gaps with the number of their joint's colour, and whether it is the joint's second
@@ -87,17 +84,16 @@ def _stems(
         for joint, names in gaps_of(charted).items()
         for i, name in enumerate(names)
     ]:
-        own = [i for i in all_impacts if i.joint == name and window.start <= i.t <= window.end]
-        sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
-        own = [own[k] for k in tallest(sizes[0], sizes[1], STEMS)]
-        if own:
+        own = struck.of_joint(name)
+        t, size = own.column('t'), own.column('normal_impulse')
+        if len(k := tallest(t, size, STEMS)):
             curves.append(ChartCurve(
-                np.array([i.t for i in own]), 1e3 * np.array([i.normal_impulse for i in own]),
-                name, name, number, form='stems', marker='circle-open' if twin else 'circle',
-                notes=[f'approach {i.approach_speed:.4g} m/s' for i in own],
+                t[k], size[k], name, name, number, form='stems',
+                marker='circle-open' if twin else 'circle',
+                notes=[f'approach {v:.4g} m/s' for v in own.column('approach_speed')[k]],
             ))  # fmt: skip
     x = replace(TIME, low=window.start, high=window.end)
-    panel = Panel(x, Axis('normal impulse', 'mN s', low=0.0), tuple(curves))
+    panel = Panel(x, Axis('normal impulse', 'N s', low=0.0), tuple(curves))
     return Chart(key, title, (panel,), 'time')
 
 
@@ -105,7 +101,7 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
     """[SB] 8.11: every impact as a line towards its contact point, the six hardest marked."""
     part, link = ('pin', rose.pin) if on_pin else ('bushing', rose.bushing)
     degrees = np.degrees(rose.on_pin if on_pin else rose.on_bushing)
-    impulse = 1e3 * rose.normal_impulse
+    impulse = rose.normal_impulse
     chosen = np.argsort(-impulse, kind='stable')[:_RAYS]
     y = rose.largest
     curves = (
@@ -120,7 +116,7 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
     )  # fmt: skip
     title = f'{rose.joint}: impacts on the {part}, seen from the {link}'
     key = f'rose-{rose.joint}-{part}'
-    return polar(key, title, 'mN s', curves, joint, 'normal impulse')
+    return polar(key, title, 'N s', curves, joint, 'normal impulse')
 
 
 def _labels(size: Array, direction: Array) -> list[str]:
@@ -199,8 +195,9 @@ def contacts(charted: ChartedRun) -> ChartSection | None:
             )
             panel = found.panels[0]
             shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
-            # do not make a picture of rounding
-            y = replace(panel.y, low=0.0, high=1e-3 if shut else None)
+            if shut:  # do not make a picture of rounding
+                panel = replace(panel, curves=tuple(replace(c, y=0.0 * c.y) for c in panel.curves))
+            y = replace(panel.y, low=0.0, high=1e-6 if shut else None)
             clearances = charted.record.machine.physics.clearances
             rows = {
                 name.removeprefix(joint)[1:] if len(names) > 1 else '':

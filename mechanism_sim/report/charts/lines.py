@@ -17,6 +17,7 @@ import numpy as np
 from mechanism_sim.analysis.series import Items, Series, parse, sampled
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.export import palette
 from mechanism_sim.export.palette import GROUND, index
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.bands import Spells, modes
@@ -95,7 +96,7 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
             turns = 1
         return over_turns(main, lambda t: np.asarray(np.degrees(curve(t)[:, i])), turns)
     found = catalogue(run.machine).find(what)
-    unit, scale = for_people(found.unit)
+    unit, scale = _in_degrees(found.unit)
     axis = DIRECTION if found.part == 'direction' else Axis(found.words, unit)
 
     def at(t: Array) -> Array:
@@ -109,7 +110,7 @@ def against_recorded(s: Series, series: Sequence[Series]) -> Abscissa:
     """Abscissa of recorded values, for series that have instants within theirs."""
     if all(np.isnan(s.at(x.t)).all() for x in series):
         raise InputError(f'{s.name} has no value at the instants of {series[0].name}')
-    unit, scale = for_people(s.unit)
+    unit, scale = _in_degrees(s.unit)
     words, labels = named([s])
     owner = '' if labels[s.name] == s.name else f' of {labels[s.name]}'
     return Abscissa(Axis(f'{words}{owner}', unit), lambda t: scale * s.at(t), of=s.name)
@@ -165,7 +166,7 @@ def panels(
     for s in series:
         items.setdefault(_item(s, numbers), []).append(s)
     together = len(owners) <= TOGETHER or len(items) == 1
-    unit, scale = for_people(series[0].unit)
+    unit, scale = _in_degrees(series[0].unit)
     found = []
     for some in [series] if together else items.values():
         words, labels = named(some)
@@ -181,6 +182,13 @@ def panels(
     if not over.of:
         found[0] = replace(found[0], impact_times=marks(over, impact_times))
     return found
+
+
+def hodograph(run: Piece | Cycle, size: Series) -> Panel:
+    """The size of a vector of a run over its direction, without a legend."""
+    over = against(run, f'{size.name.removesuffix("size")}direction')
+    (panel,) = panels([size], over, palette.numbers(run.machine.mechanism))
+    return replace(panel, curves=tuple(replace(c, label='') for c in panel.curves if len(c.x)))
 
 
 def _shaped(panel: Panel, over: Abscissa, names: Sequence[str]) -> Panel:
@@ -251,15 +259,8 @@ def _curves(
     found: list[ChartCurve] = []
     offsets: dict[str, float] = {}
     for d in sorted(drawn, key=lambda d: d.series.ideal):  # the own ones say where angles begin
-        name = d.series.name
-        found += _of(
-            d,
-            over,
-            scale,
-            dashes[d.series.line],
-            offsets,
-            None if d.series.ideal else reach.get(name),
-        )
+        wide = None if d.series.ideal else reach.get(d.series.name)
+        found += _of(d, over, scale, dashes[d.series.line], offsets, wide)
     order = {'range': 0, 'ideal': 1, 'earlier': 2, '': 3}
     yield from sorted(found, key=lambda c: order[c.look])
     if any(d.series.ideal for d in drawn):
@@ -402,6 +403,11 @@ def chart(
         found = [replace(p, x=axis) for p in found]
     wide = 6.0 if found[0].form != 'plain' else 8.0
     return Chart('', title, tuple(found), over.kind, columns=columns(found), width=wide)
+
+
+def _in_degrees(unit: str) -> tuple[str, float]:
+    """Angles are in degrees; the unit of all else depends on its size (`Chart.readable`)."""
+    return for_people(unit) if unit == 'rad' else (unit, 1.0)
 
 
 def in_si(unit: str) -> QuantityValue:

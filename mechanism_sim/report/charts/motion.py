@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.series import Series, sampled
+from mechanism_sim.analysis.series import sampled
 from mechanism_sim.engine.physics import is_force_open
-from mechanism_sim.export.palette import numbers
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.rotor import Rotor
-from mechanism_sim.report.charts.chart import DIRECTION, Chart, ChartCurve, ChartSection, polar
-from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
+from mechanism_sim.report.charts.chart import Chart, ChartCurve, ChartSection, polar
+from mechanism_sim.report.charts.charted_run import ChartedRun
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
-from mechanism_sim.report.charts.lines import Abscissa, panels
+from mechanism_sim.report.charts.lines import hodograph
 
 _NOTHING = 1e-9  # share of the largest of its kind below which a value is rounding
 
@@ -132,27 +131,15 @@ def forces(charted: ChartedRun) -> ChartSection | None:
 
 def _hodograph(charted: ChartedRun, joint: str) -> Chart:
     """The force of a joint over its direction, beneath it that of the ideal machine."""
-    mechanism = charted.record.machine.mechanism
-    own = numbers(mechanism)
-    curves: list[ChartCurve] = []
+    name, curves = f'reaction.{joint}.size', list[ChartCurve]()
     for window in (charted.ideal, charted.detail):
-        if window is not None and f'reaction.{joint}.size' in window.quantities:
-            force, over = _vector(window, joint)
-            force = replace(force, ideal=window is charted.ideal)
-            curves += panels([force], over, own)[0].curves
-    curves = [replace(c, label='') for c in curves if len(c.x)]
-    pair = mechanism.joint(joint)
+        if window is not None and name in window.quantities:
+            piece = window.record.piece
+            (size,) = sampled(piece, [name], np.unique(window.lines[name].at))
+            curves += hodograph(piece, replace(size, ideal=window is charted.ideal)).curves
+    pair = charted.record.machine.mechanism.joint(joint)
     title = f'{joint}: {pair.first} on {pair.second}'
     return polar(f'forces-{joint}', title, 'N', curves, joint, 'force')
-
-
-def _vector(window: ChartWindow, joint: str) -> tuple[Series, Abscissa]:
-    """The size of a force where its line is, and its direction there."""
-    names = [f'reaction.{joint}.{part}' for part in ('size', 'direction')]
-    t = np.unique(window.lines[names[0]].at)
-    force, direction = sampled(window.record.piece, names, t)
-    degrees = np.degrees(direction.values)
-    return force, Abscissa(DIRECTION, lambda _: degrees, of=direction.name)
 
 
 def drive(charted: ChartedRun) -> ChartSection | None:
