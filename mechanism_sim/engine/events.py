@@ -206,6 +206,12 @@ class Impacts(Sequence[Impact]):
         [found] = type(self)(self.joints, self.rows[k][None])
         return found
 
+    def __add__(self, other: Iterable[Impact]) -> Self:
+        return self.joined([self, other])
+
+    def __radd__(self, other: Iterable[Impact]) -> Self:
+        return self.joined([other, self])
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and [*self] == [*other]
 

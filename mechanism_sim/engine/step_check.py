@@ -159,7 +159,6 @@ class StepCheck:
         self._power = np.arange(integrator.order + 1)
         f, m, width = len(system.free), len(system.guards), system.width
         self._rates, self._watch = slice(f, width), slice(width + 1, width + 1 + m)
-        self._guards = m
         self.motion = _motion_of(system, steep, integrator.order + 1)
         loads = _STEPS.unfelt * limit * steep.inertia
         self._loads, ends = len(loads), len(self.motion.given) - 1
@@ -252,8 +251,8 @@ class StepCheck:
         allowed = self._limit + _ROUNDING.acceleration * np.abs(wanted)
         slopes = _sums(series[self._rates], sloping)
         found: Array = (np.abs(slopes - wanted) / allowed).max(axis=0)
-        if self._guards:
-            guards = _one_by_one(system.functions.watch, given)[: self._guards]
+        if system.guards:
+            guards = _one_by_one(system.functions.watch, given)[: len(system.guards)]
             low = guards < -_STEPS.fallen
             if low.any():
                 foretold = _sums(series[self._watch], sloping) / (h * _GUARDS.watch_scale)

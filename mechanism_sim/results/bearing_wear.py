@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, IndexArray
 from mechanism_sim.numerics.quadrature import SMOOTH
 from mechanism_sim.planar.gaps import joint_of_gap
 from mechanism_sim.planar.inverse_dynamics import Observation
@@ -50,7 +50,9 @@ def wear_sums(
     gap = physics.clearances.index(joint)
     sums = np.zeros((2, 5, parts * count))
 
-    def enter(part: Array, places: tuple[Array, Array], rows: dict[int, Array]) -> None:
+    def enter(
+        part: Array | IndexArray, places: tuple[Array, Array], rows: dict[int, Array]
+    ) -> None:
         for own, angle in zip(sums, places, strict=True):
             for row, values in rows.items():
                 own[row] += shared(angle, values, count, first, part, parts)
@@ -123,7 +125,12 @@ def _touch(
 
 
 def shared(
-    angle: Array, values: Array, count: int, first: float, part: Array | int = 0, parts: int = 1
+    angle: Array,
+    values: Array,
+    count: int,
+    first: float,
+    part: Array | IndexArray | int = 0,
+    parts: int = 1,
 ) -> Array:
     """Sums (parts * count,) of values (N,) at evenly spaced directions from an angle on.
 

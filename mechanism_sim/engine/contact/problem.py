@@ -511,11 +511,7 @@ def turn_idle(c: ContactProblem, grips: Indices, forces: Array) -> None:
             if grips[i] != OPEN and independence(c, i, rows, L, n) > _IMPACTS.independent:
                 rows[n] = i
                 n += 1
-        elif (
-            grips[i] == STICK
-            and c.friction[i] > 0.0
-            and (forces[m + i] != 0.0) == (at < 2 * m)
-        ):
+        elif grips[i] == STICK and c.friction[i] > 0.0 and (forces[m + i] != 0.0) == (at < 2 * m):
             if independence(c, m + i, rows, L, n) > _IMPACTS.determined:
                 rows[n] = m + i
                 n += 1
