@@ -121,6 +121,7 @@ class Contacts:
             return
         if self._system.compliant:
             self._respond_to_missed()
+            self._touch_at_rest()
             return
         held = self.switching.freeze()
         terms = state.terms()
@@ -133,6 +134,18 @@ class Contacts:
                 break
         if held:
             self._release()
+
+    def _touch_at_rest(self) -> None:
+        """Begin the contact of compliant gaps that touch, and are pressed together from rest.
+
+        They are at zero but for rounding: from below it, a guard never falls through zero.
+        """
+        state = self.state
+        for i in range(len(state.modes)):
+            terms = state.terms()
+            rests = abs(terms.value[i]) <= state.limits.touching and terms.rate[i] <= 0.0
+            if rests and not state.closed(i) and terms.acceleration[i] < 0.0:
+                touch_or_part(state, i)
 
     # --- events -------------------------------------------------------------------------------
 

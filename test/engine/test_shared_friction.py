@@ -152,3 +152,18 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
     assert left == pytest.approx(quad(pace, 0, math.sqrt(first - last))[0], rel=1e-9)
     angle = solution.sample([left])['position.ladder'][0]
     assert math.sin(angle) == pytest.approx(2.0 / 3.0 * math.sin(first), rel=1e-9)
+
+
+@pytest.mark.parametrize('slope', [45.0, pytest.param(26.0, marks=pytest.mark.slow)])
+def test_soft_feet_that_touch_from_the_start_carry(slope):
+    """They begin some 1e-17 m inside, at rest: no guard falls through zero there."""
+    scene = block(slope)
+    law = {'law': 'hunt_crossley', 'stiffness': '1e8 N/m^1.5'}
+    for joint in scene['joints'].values():
+        joint |= {'compliance': law, 'restitution': 0.3}
+        del joint['friction']
+    at = ms.simulate(scene, duration=0.02).sample([0.0, 0.02])
+    x, y = (np.diff(at[f'position.block.{axis}'])[0] for axis in 'xy')
+    sine, cosine = math.sin(math.radians(slope)), math.cos(math.radians(slope))
+    assert x * cosine - y * sine == pytest.approx(0.5 * G * sine * 0.02**2, rel=1e-3)
+    assert abs(x * sine + y * cosine) < 2e-4  # the feet give way by 60 um at rest
