@@ -96,6 +96,10 @@ class Piece(Rich):
     impacts: Impacts
     modes: list[ModeChange]
 
+    def __post_init__(self) -> None:
+        """Impacts may be given one by one."""
+        object.__setattr__(self, 'impacts', Impacts.of(self.impacts))
+
     @staticmethod
     def joined(pieces: Iterable[Piece]) -> Piece:
         """Consecutive pieces of a run as one; each is released once it is joined."""
