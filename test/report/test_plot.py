@@ -70,9 +70,9 @@ def test_lines_are_the_messages_that_others_read(bag):
     assert len(states) > 10
     for line in (gap, force):
         np.testing.assert_array_equal(line[1], [m.time for m in states])
-    np.testing.assert_allclose(gap[2], [1e3 * m.gaps[0] for m in states], rtol=1e-15)
+    np.testing.assert_allclose(gap[2], [1e6 * m.gaps[0] for m in states], rtol=1e-15)
     np.testing.assert_array_equal(force[2], [m.normal_forces[0] for m in states])
-    assert words == ['gaps [mm]', 'normal forces [N]']
+    assert words == ['gaps [µm]', 'normal forces [N]']
 
 
 @pytest.mark.slow
