@@ -49,7 +49,7 @@ MUTANTS = (
            'if _slope(guard, when) > 0.0:', 'engine/test_step_roots.py'),
     Mutant(f'{LOOP}/row_kernels.py', 'if when < end:', 'if when > end:',
            'engine/test_step_rows.py'),
-    Mutant(f'{LOOP}/row_kernels.py', 'rate = rate * tau + k * law[k]',
+    Mutant(f'{LOOP}/present_state.py', 'rate = rate * tau + k * law[k]',
            'rate = rate * tau - k * law[k]', 'engine/test_step_rows.py'),
     Mutant(f'{LOOP}/row_kernels.py', 'if h < reach or reach == longest:', 'if h < reach:',
            'engine/test_step_rows.py'),

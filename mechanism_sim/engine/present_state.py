@@ -14,6 +14,7 @@ from mechanism_sim.engine.clock import Base, horner
 from mechanism_sim.engine.contact.problem import Instant
 from mechanism_sim.engine.dense_output import floats
 from mechanism_sim.engine.system import System
+from mechanism_sim.numerics.kernels import kernel
 from mechanism_sim.tolerances import TOLERANCES
 
 
@@ -118,9 +119,10 @@ class PresentState:
         return [r.name for r in self.system.relations for _ in r.values(frames)]
 
 
-def rate_of(law: Sequence[float], tau: float) -> float:
+@kernel
+def rate_of(law: Sequence[float] | Array, tau: float) -> float:
     """Rate [rad/s] of a law's polynomial at local time tau [s]."""
     rate = 0.0
     for k in range(len(law) - 1, 0, -1):
         rate = rate * tau + k * law[k]
-    return rate
+    return float(rate)

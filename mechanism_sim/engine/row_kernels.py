@@ -42,8 +42,9 @@ from mechanism_sim.engine.contact.respond import (
     resolve,
     run_of,
 )
+from mechanism_sim.engine.present_state import rate_of
 from mechanism_sim.engine.step_check import StepMotion, doubts
-from mechanism_sim.engine.step_roots import NO_FALL, RootArrays, first_fall
+from mechanism_sim.engine.step_roots import NO_FALL, RootArrays, first_fall, shift
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernel_code import call_code
 from mechanism_sim.numerics.kernels import entry, kernel
@@ -118,9 +119,7 @@ def end_of(guard: Array, h: float, opens: bool, scaled: Array) -> float:
     rises = opens and guard[0] > -_GUARDS.near_root and guard[1] > 0.0
     if not (rest < math.inf and (guard[0] > 0.0 or rises)):
         return -1.0
-    for i in range(n - 1):
-        for k in range(n - 2, i - 1, -1):
-            scaled[k] += scaled[k + 1]
+    shift(scaled)
     for x in scaled[: n - 1]:
         if x <= 0.0:
             return -1.0
@@ -257,14 +256,6 @@ def _search(row: RowArrays, h: float, modes: Indices) -> _Found:
 
 
 @kernel
-def _rate(law: Array, tau: float) -> float:
-    rate = 0.0
-    for k in range(len(law) - 1, 0, -1):
-        rate = rate * tau + k * law[k]
-    return rate
-
-
-@kernel
 def _are_clear(run: EventArrays, state: Array, now: Array, addresses: Indices, guard: int) -> bool:
     """True if no other guard has fallen by now; where some are of no gap, none but for sure."""
     evaluate(run, state, now, addresses, MISSED)
@@ -302,7 +293,7 @@ def _begin_event(row: RowArrays, run: EventArrays, guard: int, t: float) -> None
     count(n, run.reals, t)
     begin(n, run.reals, t, n[SIMULTANEOUS])
     for i in range(len(row.laws)):
-        run.reals[DRIVES + i] = _rate(row.laws[i], row.reals[TAU])
+        run.reals[DRIVES + i] = rate_of(row.laws[i], row.reals[TAU])
     n[GUARD], n[STAGE] = guard, FELL if guard < len(run.gaps[MODE]) else SLIPS
 
 

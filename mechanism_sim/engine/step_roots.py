@@ -212,13 +212,12 @@ def root_between(p: Array, a: float, b: float) -> float:
 
 
 @kernel
-def _shift(p: Array, into: Array) -> None:
-    """Coefficients of p(x + 1)."""
+def shift(p: Array) -> None:
+    """Replace the coefficients (n,) of p(x) by those of p(x + 1)."""
     n = len(p)
-    into[:] = p
     for i in range(n - 1):
         for k in range(n - 2, i - 1, -1):
-            into[k] += into[k + 1]
+            p[k] += p[k + 1]
 
 
 @kernel
@@ -234,10 +233,8 @@ def _count_roots(p: Array, sizes: Array, moved: int, shifted: Array) -> int:
     n = len(p)
     for k in range(n):
         shifted[0, k], shifted[1, k] = p[n - 1 - k], sizes[n - 1 - k]
-    for i in range(n - 1):
-        for k in range(n - 2, i - 1, -1):
-            shifted[0, k] += shifted[0, k + 1]
-            shifted[1, k] += shifted[1, k + 1]
+    shift(shifted[0])
+    shift(shifted[1])
     rounding = (moved + 1) * (2 * n + 2) * _EPS
     last, changes, doubtful = 0, 0, False
     for k in range(n):
@@ -264,7 +261,8 @@ def _split(work: RootArrays, at: int) -> None:
         for k in range(n - 1, -1, -1):
             p[k] *= factor
             factor *= 2.0
-        _shift(p, upper)
+        upper[:] = p
+        shift(upper)
     low, high = work.ends[at, 0], work.ends[at, 1]
     middle = low / 2.0 + high / 2.0
     work.ends[at, 1] = work.ends[at + 1, 0] = middle
