@@ -23,6 +23,7 @@ class Facts(NamedTuple):
 
     part: type[Part] | None  #: the kind of part it holds, if it holds parts
     many: Literal['', 'list', 'dict']  #: ``list`` or ``dict`` by name, if there are several
+    named: bool  #: True if it holds values by name
     quantities: tuple[UnitValue, ...]  #: quantities of its numbers, in order
     bounds: tuple[str, ...]  #: bounds in words
     choices: tuple[str, ...]  #: allowed values, if few
@@ -56,6 +57,7 @@ def facts_of(field: FieldInfo) -> Facts:
     return Facts(
         parts[0] if parts else None,
         '' if not (parts and several) else 'dict' if dict in several else 'list',
+        dict in several,
         tuple(note for note in notes if isinstance(note, UnitValue)),
         (*whole, *_range(bounds)),
         (*choices, *(['true', 'false'] if bool in kinds else [])),

@@ -235,22 +235,30 @@ def deeper(models: Iterable[type[BaseModel]], key: str, data: Any) -> list[str]:
     return found if len(found) <= _FEW else []
 
 
+def _walk(
+    model: type[BaseModel], path: Iterable[str]
+) -> tuple[list[type[BaseModel]], list[list[FieldInfo]]]:
+    """The models at a place of the schema, and on the way to it the fields of each key.
+
+    A name of somebody's choice, which may be that of a key elsewhere, and the index of an entry
+    have no fields, and lead to no other model.
+    """
+    here, fields, named = [model], list[list[FieldInfo]](), False
+    for part in path:
+        fields.append([] if named else _named(here, part))
+        named = any(facts_of(field).named for field in fields[-1])
+        here = [m for field in fields[-1] for m in _models(field.annotation)] or here
+    return here, fields
+
+
 def _at(model: type[BaseModel], path: Iterable[str]) -> list[type[BaseModel]]:
     """The models at a place of the schema."""
-    here = [model]
-    for part in path:
-        fields = _named(here, part)
-        # else it is a name, or the index of an entry, and leads to no other model
-        here = [m for field in fields for m in _models(field.annotation)] or here
-    return here
+    return _walk(model, path)[0]
 
 
 def _fields(model: type[BaseModel], path: list[str]) -> list[FieldInfo]:
     """The last keys on the way to a place of the schema."""
-    for end in range(len(path), 0, -1):
-        if found := _named(_at(model, path[: end - 1]), path[end - 1]):
-            return found
-    return []
+    return next(filter(None, reversed(_walk(model, path)[1])), [])
 
 
 def _named(models: Iterable[type[BaseModel]], key: str) -> list[FieldInfo]:

@@ -270,8 +270,13 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
         **dict.fromkeys(
             ('type', 'kind'), 'the key itself, as in revolute: [LINK.POINT, LINK.POINT]'
         ),
-        **dict.fromkeys(('hinge', 'pin', 'pivot'), "'revolute'"),
-        **dict.fromkeys(('slider', 'sliding', 'translational'), "'prismatic'"),
+        **dict.fromkeys(('hinge', 'pin', 'pivot', 'rotary', 'rotational'), "'revolute'"),
+        **dict.fromkeys(
+            ('slider', 'sliding', 'slide', 'translational', 'translation', 'linear'), "'prismatic'"
+        ),
+        **dict.fromkeys(('gear', 'gears', 'gear_pair', 'gear_mesh', 'spur'), "'mesh'"),
+        **dict.fromkeys(('chain', 'timing_belt', 'v_belt'), "'belt'"),
+        **dict.fromkeys(('weld', 'welded', 'rigid'), "'fixed'"),
         **dict.fromkeys(('play', 'radial'), "'clearance', as in clearance: {radial: 0.1 mm}"),
     }
 

@@ -161,6 +161,9 @@ CURVE = 'joints.contact.law.segments.0.curve'
         ('slider_crank', 'brakes', {}, 'torque: -2 N m*sign(LINK_rate)}}'),
         ('slider_crank', 'joints.x.hinge', ['ground', 'crank'], "here that is 'revolute'"),
         ('slider_crank', 'joints.x.slider', ['ground', 'crank'], "here that is 'prismatic'"),
+        ('slider_crank', 'joints.x.gear_pair', ['crank', 'rod'], "here that is 'mesh'"),
+        ('slider_crank', 'joints.x.chain', ['crank', 'rod'], "here that is 'belt'"),
+        ('slider_crank', 'joints.x.weld', ['crank', 'rod'], "here that is 'fixed'"),
         ('slider_crank', 'joints.crank_rod.play', '1 mm', 'clearance: {radial: 0.1 mm}'),
         ('slider_crank', 'joints.crank_rod.clearance.diametral', '1 mm', "'radial', half of it"),
         ('slider_crank', 'joints.crank_rod.clearance.mu', 0.1, "here that is 'friction'"),
@@ -245,6 +248,26 @@ def test_keys_of_a_clearance_beside_it_are_told_their_place(key):
     change = {f'joints.crank_rod.{key}': 0.5}
     with pytest.raises(InputError, match=rf"did you mean 'clearance\.{key}' or 'stops\.{key}'"):
         ms.load_scene('slider_crank', change)
+
+
+@pytest.mark.parametrize(
+    ('key', 'says'),
+    [
+        (
+            'joints.shaft.gear',
+            "unknown key 'joints.shaft.gear'; here that is 'mesh'; allowed here: a",
+        ),
+        ('joints.shaft.clearance.nonsense', 'allowed here: radial, restitution, '),
+        ('springs.damping.nonsense', 'allowed here: between, coordinate, '),
+        ('links.rod.points.length', 'points.length = 1: it must be a list of two quantities, '),
+        ('sensors.noise.adc.bit', "did you mean 'bits'?; allowed here: range"),
+        ('springs.damping', 'springs.damping = 1: it must be a list of keys with values'),
+    ],
+)
+def test_names_of_parts_may_be_those_of_keys(key, says):
+    with pytest.raises(InputError) as refused:
+        ms.load_scene('slider_crank', {key: 1})
+    assert says in str(refused.value)
 
 
 @pytest.mark.parametrize('points', [5, [], 'ground', ['ground']])
