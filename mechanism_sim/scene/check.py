@@ -289,16 +289,15 @@ def _drive(machine: Machine, coordinate: str) -> str:
     pace, force, place = ('m/s', 'N', 'm') if straight else ('rad/s', 'N m', 'rad')
     if not isinstance(law, DriveLaw):
         constant, per_angle, per_speed = law.coefficients
-        begin = machine.plan.begins.get(coordinate, (0.0, 0.0))[1]
         for motor in machine.plan.motors:
             if motor.coordinate == coordinate:
-                return f'free, moved by {motor.name}, from {begin:g} {pace}'
+                return f'free, moved by {motor.name}'
         if not any(law.coefficients):
             return 'free'
         return (
             f'free, moved by {constant:g} {force} {per_angle:+g} {force}/{place} times '
             f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '
-            f'speed, from {begin:g} {pace}'
+            'speed'
         )
     given = drive_of(machine.plan, coordinate)
     effort = given.effort if given else None
