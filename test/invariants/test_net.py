@@ -57,11 +57,30 @@ def test_a_changed_figure_or_key_is_seen():
     assert said.startswith('x.position: ')
     lost = {key: value for key, value in old.items() if key != 'level'}
     assert net.differences('x', old, lost, same_bits=False) == ['x.level: lost']
-    assert net.differences('x', old, {**old, 'digest': ''}, same_bits=False) == []
-    assert len(net.differences('x', old, {**old, 'digest': ''}, same_bits=True)) == 1
-    elsewhere = {**old, 'digest': None, 'steps': 0}  # entered on another processor
-    assert net.compare('scenes', 'x', elsewhere, old, same_bits=True) == []
-    assert net.compare('scenes', 'x', elsewhere, moved, same_bits=True)
+
+
+def test_bits_are_those_of_their_environment():
+    """Where there were none they are added; others than before leave none elsewhere valid."""
+    entry = {'impacts': 3, 'position': [1.0], 'bits': {'here': ['a', 5], 'there': ['b', 6]}}
+    here, other, new = ({**entry, 'bits': {k: x}} for k, x in (
+        ('here', ['a', 5]), ('here', ['c', 5]), ('elsewhere', ['d', 7]),
+    ))  # fmt: skip
+    assert net.compare('scenes', 'x', entry, here, same_bits=False) == []
+    assert len(net.compare('scenes', 'x', entry, other, same_bits=False)) == 1
+    assert net.compare('scenes', 'x', entry, new, same_bits=True) == []
+    assert len(net.compare('scenes', 'x', entry, {**here, 'impacts': 4}, same_bits=False)) == 1
+    assert net.compare('scenes', 'x', entry, {**new, 'impacts': 4}, same_bits=True) == []
+    still = {**entry, 'impacts': 0}
+    assert net.compare('scenes', 'x', still, {**new, 'impacts': 0, 'position': [1.1]}, True)
+    assert net.merged(entry, here) == entry
+    assert net.merged(entry, new)['bits'] == {**entry['bits'], **new['bits']}
+    assert net.merged(entry, other) == other
+
+
+def test_every_environment_has_bits_that_were_compared():
+    """A record of bits that no machine makes compares nothing."""
+    known = {key for entry in RECORD['scenes'].values() for key in entry['bits']}
+    assert net.name_of(RECORD['environment']) in known
 
 
 def test_figures_behind_many_impacts_are_compared_on_one_processor_only():
