@@ -10,7 +10,7 @@ export PYTHONDONTWRITEBYTECODE =
 # uv unpacks in a third of the time of pip, which takes over where only its own settings lead to an
 # index. Modules are compiled when they are first imported: to compile all takes as long again.
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
-UV = $(BIN)/uv pip install --quiet --python $(BIN)/python
+UV = $(BIN)/uv pip install --quiet --python $(BIN)/python $(addprefix --default-index ,$(PIP_INDEX_URL))
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
 .PHONY: run test test-all test-lowest lint bench docs evidence install clean
