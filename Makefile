@@ -7,9 +7,10 @@ BENCH ?= all
 # Bytecode is kept whatever the environment says: tests start hundreds of processes, and each would
 # compile the package from its source, a second of CPU.
 export PYTHONDONTWRITEBYTECODE =
-# Modules are compiled when they are first imported: to compile all that is installed takes half of
-# the time of an installation.
-INSTALL = install --quiet --disable-pip-version-check --no-compile
+# uv unpacks in a third of the time of pip, which takes over where only its own settings lead to an
+# index. Modules are compiled when they are first imported: to compile all takes as long again.
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
+UV = $(BIN)/uv pip install --quiet --python $(BIN)/python $(addprefix --default-index ,$(PIP_INDEX_URL))
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
 .PHONY: run test test-all test-lowest lint bench docs evidence install clean
@@ -60,11 +61,11 @@ install: $(VENV)/installed
 
 $(VENV)/installed: pyproject.toml setup.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip $(INSTALL) --editable '.[dev]'
+	{ $(PIP) uv && $(UV) --editable '.[dev]'; } || $(PIP) --editable '.[dev]'
 	@touch $@
 
 $(VENV)/installed-docs: $(VENV)/installed
-	$(BIN)/python -m pip $(INSTALL) --editable '.[docs]'
+	{ $(PIP) uv && $(UV) --editable '.[docs]'; } || $(PIP) --editable '.[docs]'
 	@touch $@
 
 clean:

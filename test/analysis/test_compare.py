@@ -108,7 +108,7 @@ def test_octaves_weigh_all_of_a_run_alike():
         assert value['spectra', name] == pytest.approx(size, rel=0.03)
 
 
-@pytest.mark.parametrize('turns', [2, 5])
+@pytest.mark.parametrize('turns', [2, pytest.param(5, marks=pytest.mark.slow)])
 def test_few_turns_have_the_severity_and_the_octaves_of_many(turns):
     """Of a crosshead at 25 Hz, by its Fourier series; Hann's window had 20 % too much of two."""
     sensors = {'head': {'link': 'piston', 'axis': 'along', 'sample_rate': '10 kHz'}}

@@ -137,7 +137,10 @@ def test_a_tangent_cam_has_the_lifts_of_its_table():
     assert np.abs(lift - given[:, 1]).max() <= 0.5e-6 * 1.01
 
 
-@pytest.mark.parametrize(('e', 'roller'), [(10.0, 8.0), (12.0, 0.0), (30.0, 10.0)])
+@pytest.mark.parametrize(
+    ('e', 'roller'),
+    [(10.0, 8.0), (12.0, 0.0), pytest.param(30.0, 10.0, marks=pytest.mark.slow)],
+)
 def test_the_smallest_base_circle_of_an_eccentric_cam(e, roller):
     """The normal goes through the centre of the circle: the sine is the eccentricity over R."""
     kind = {'follower': 'roller', 'roller': f'{roller} mm'}

@@ -45,7 +45,13 @@ def block(slope=0.0, push=(0.0, 0.0), feet=2, width=0.4, height=0.2, friction=0.
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(('slope', 'feet'), [(0.0, 2), (0.0, 3), (10.0, 2), (20.0, 4), (30.0, 3)])
+@pytest.mark.parametrize(
+    ('slope', 'feet'),
+    [
+        pytest.param(0.0, 2, marks=pytest.mark.slow), (0.0, 3), (10.0, 2),
+        pytest.param(20.0, 4, marks=pytest.mark.slow), (30.0, 3),
+    ],
+)  # fmt: skip
 def test_a_block_rests_on_its_feet_up_to_the_angle_of_friction(slope, feet):
     """Above, it slides by g (sin - mu cos), with the sum of the friction of all feet."""
     solution = ms.simulate(block(slope, feet=feet))
@@ -85,7 +91,7 @@ def test_a_pushed_block_slides_when_the_feet_together_slide_and_tips_when_one_li
         assert abs(solution.energy.residual) < 1e-9 * max(solution.energy.exchanged, 1e-3)
 
 
-@pytest.mark.parametrize('pads', [2, 3])
+@pytest.mark.parametrize('pads', [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_pads_of_a_brake_hold_a_drum_together(pads):
     """They give way at n mu N R, wherever they stand, and let it turn with what is over."""
     scene = {

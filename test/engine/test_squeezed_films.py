@@ -44,8 +44,12 @@ def film_force(e: float, v: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ('axis', 'contact'), [(90.0, {}), (25.0, {}), (0.0, {'supply_pressure': '1e-6 Pa'})]
-)
+    ('axis', 'contact'),
+    [
+        (90.0, {}), pytest.param(25.0, {}, marks=pytest.mark.slow),
+        (0.0, {'supply_pressure': '1e-6 Pa'}),
+    ],
+)  # fmt: skip
 def test_a_squeezed_film_turns_back_as_by_quadrature_and_arcs(axis, contact):
     """Before, steps went on over the turns: 0.5 % of the work was missing, and nothing said so."""
     end = 0.06

@@ -87,7 +87,7 @@ def test_the_steps_of_a_squeeze_are_foretold():
     assert steps_of_squeeze(h[1], growth, step, 100.0, h[1]) == 0.0
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('drive', 'oil'),
     [

@@ -38,6 +38,7 @@ def figures(machine, *texts):
     return solution, [m.value for m in found]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('width', [1e-4, 0.001, 0.01, 0.05])
 def test_a_narrow_load_is_seen_whole(width):
     machine = crank(f'-500*exp(-((cr-2.0)/{width})**2)')

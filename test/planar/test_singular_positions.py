@@ -63,7 +63,7 @@ def seen(run, start, revolutions=2, singular=np.pi):
     return solution.view(t[(t >= 0.0) & (t <= revolutions)]).observed
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('start', [0.5, 0.0, np.pi])
 @pytest.mark.parametrize('made', [lambda x: made(parallelogram(x)), template])
 def test_a_parallelogram_stays_one(made, start):

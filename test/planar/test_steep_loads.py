@@ -324,7 +324,7 @@ def test_figures_of_a_crank_under_a_pulse():
     assert rms == pytest.approx(math.sqrt(square / (2.0 * math.pi)), rel=1e-9)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('width', [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
 def test_no_pulse_over_an_ideal_crank_is_missed(width):
     for place in np.random.default_rng(round(1.0 / width)).uniform(0.6, 5.6, 3):

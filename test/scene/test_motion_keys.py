@@ -114,7 +114,7 @@ def test_a_mistake_is_a_sentence(drive, said):
         assert part in text, text
 
 
-@pytest.mark.parametrize('unit', ['m', 'mm', 'km'])
+@pytest.mark.parametrize('unit', ['m', 'mm', pytest.param('km', marks=pytest.mark.slow)])
 def test_moves_by_decimals_come_back_and_just_reach_their_speed(unit):
     """0.1 + 0.2 - 0.3 is not 0, and 0.2 to and fro takes full speed for no time but rounding."""
     scale = {'m': 1.0, 'mm': 1e-3, 'km': 1e3}[unit]
