@@ -239,8 +239,10 @@ class Contacts:
                 state.resting[:] = state.mask(stop_jammed_slide(state, closed, gap))
                 stage = RESTS
             elif stage == UNSOLVED:
+                struck = dict.fromkeys(self._system.gaps[i].joint for i in chosen(state.touching))
                 raise RunError(
-                    f'at t = {self.present.time:.9g} s no impulses satisfy all contacts that touch'
+                    f'at t = {self.present.time:.9g} s no impulses satisfy all contacts that '
+                    f'touch: {", ".join(struck)} bear against drives, or one another'
                 )
             else:
                 frictional = bool(self._system.dynamics.frictional_joints)
