@@ -97,3 +97,9 @@ def test_friction_is_that_of_the_normal_force_and_acts_at_one_point(kind):
     own = solve_ivp(planar(kind, r1, room), (0, t), first, rtol=1e-10, atol=1e-13, max_step=1e-4)
     assert last == pytest.approx(own.y[:, -1], rel=1e-6, abs=1e-7)
     assert solution.max_closure_error > 0.1 * room  # it was deep
+    presses = int(np.argmax(solution.sample(own.t)['normal_force.touch']))
+    rates = planar(kind, r1, room)(0.0, own.y[:, presses])
+    at = solution.sample([own.t[presses]])
+    load = [at[f'reaction.touch.{part}'][0] for part in ('x', 'y', 'moment')]
+    inertia = [*MASSES[1:] * 2, INERTIAS[1]]
+    assert load == pytest.approx(np.array(inertia) * rates[9:], rel=1e-5)

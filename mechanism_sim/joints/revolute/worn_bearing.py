@@ -114,7 +114,7 @@ class WornBearing(BearingClearance):
 
     @property
     def room(self) -> float:
-        """That of the widest circle [m]."""
+        """``-c`` of the widest circle [m]."""
         return -self.shape.widest
 
     def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
