@@ -14,25 +14,29 @@ from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.contact.chatter import ChatterRule
 from mechanism_sim.engine.contact.impact import Hypothesis
 from mechanism_sim.engine.contact.problem import (
+    FLIES,
+    IDLE,
+    STICKS,
     ContactArrays,
     ContactProblem,
     Limits,
     problem_of,
     slip_of,
+    turn_idle,
 )
 from mechanism_sim.engine.dense_output import Status, floats
 from mechanism_sim.engine.event_stages import EventStages
 from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.engine.guards import force_scale
 from mechanism_sim.engine.present_state import PresentState, rate_of
-from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.complementarity import FORWARD, OPEN, STICK, Indices
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
 
-SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
-"""Modes of a closed contact with friction by the sign of its slip."""
+SLIDING = {1: Mode.SLIDING_FORWARD, -1: Mode.SLIDING_BACKWARD}
+"""Modes of a closed contact by the sign of its slip."""
 
 
 class ContactState:
@@ -248,7 +252,17 @@ class ContactState:
 
     def mode_of_closed(self, gap: int) -> Mode:
         """The mode of a gap that is closed from now on."""
-        return SLIDING[self.slip(gap)] if self.problem.friction[gap] else Mode.FOLLOWING
+        if not self.problem.friction[gap]:
+            return Mode.FOLLOWING
+        if slip := self.slip(gap):
+            return SLIDING[slip]
+        sticks = self.mode_array == STICKS
+        sticks[gap] = False  # it carries nothing yet
+        carry = np.tile(sticks, 2).astype(float)
+        sticks[gap] = True
+        grips = np.where(sticks, STICK, np.where(self.mode_array > FLIES, FORWARD, OPEN))
+        turn_idle(self.problem, grips, carry)
+        return Mode.FOLLOWING if grips[gap] == IDLE else Mode.STICKING
 
     def mask(self, gaps: Sequence[int]) -> Mask:
         """Flags (m,) of some gaps."""

@@ -25,6 +25,7 @@ from mechanism_sim.engine.contact.respond import (
     JAMMED,
     RESTS,
     SHOCK,
+    SLIP,
     SLIPS,
     STAGE,
     STRIKES,
@@ -85,13 +86,9 @@ class Contacts:
         state.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
             state.refresh()
-            modes = zip(closed, state.modes, strict=True)
-            state.set_modes(
-                tuple(
-                    int(state.mode_of_closed(i)) if shut else mode
-                    for i, (shut, mode) in enumerate(modes)
-                )
-            )
+            for i, shut in enumerate(closed):
+                if shut:
+                    state.change(i, state.mode_of_closed(i))
             if self._system.compliant:
                 initialise_rates(state)
         if any(closed) or self._system.relations:
@@ -242,8 +239,10 @@ class Contacts:
                 state.resting[:] = state.mask(stop_jammed_slide(state, closed, gap))
                 stage = RESTS
             elif stage == UNSOLVED:
+                struck = dict.fromkeys(self._system.gaps[i].joint for i in chosen(state.touching))
                 raise RunError(
-                    f'at t = {self.present.time:.9g} s no impulses satisfy all contacts that touch'
+                    f'at t = {self.present.time:.9g} s no impulses satisfy all contacts that '
+                    f'touch: {", ".join(struck)} bear against drives, or one another'
                 )
             else:
                 frictional = bool(self._system.dynamics.frictional_joints)
@@ -300,9 +299,41 @@ class Contacts:
             state.refresh()
             state.change(gap, SLIDING[state.slip(gap) or -guard.friction])
         else:
-            state.change(gap, Mode.STICKING)
+            self._end_slip(gap)
+        if before[gap] == Mode.STICKING and (idle := self._idle):  # the others rest anew
+            state.refresh()
+            for i in idle:
+                state.change(i, state.mode_of_closed(i))
             self.present.project()
         state.record_modes(before)
+
+    @property
+    def _idle(self) -> list[int]:
+        """Contacts that leave their friction to others that stick, see `problem.turn_idle`."""
+        modes = enumerate(self.state.modes)
+        return [i for i, x in modes if x == Mode.FOLLOWING and self.state.problem.friction[i]]
+
+    def _end_slip(self, gap: int) -> None:
+        """End the slide of a compliant contact.
+
+        One that is idle from now on stays at its bound if others cannot take its friction.
+        """
+        state, way = self.state, Mode(self.state.modes[gap])
+        flags = self.present.parameters.copy()  # others may be held at their bounds
+        state.refresh()
+        state.change(gap, Mode.STICKING)  # though its slip is not zero to the last bit
+        state.change(gap, state.mode_of_closed(gap))
+        self.present.project()
+        if gap not in self._idle:
+            return
+        seen = self.present.evaluate(self._system.functions.watch)
+        for k, guard in enumerate(self._system.guards):
+            sticks = guard.friction and state.modes[guard.gap] == Mode.STICKING
+            if sticks and seen[k] < state.floors[k]:
+                state.change(gap, way)
+                self.present.parameters[:] = flags
+                self.present.parameters[state.run.gaps[SLIP, gap]] *= 1.0 - _CONTACTS.held_slip
+                return
 
     def missed_event(self, seen_now: int | None = None) -> int | None:
         """Guard below zero already, whose fall the integrator cannot detect.

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import heyoka as hy
+import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
@@ -21,7 +22,7 @@ from mechanism_sim.planar.mechanism import (
     Revolute,
 )
 from mechanism_sim.planar.points import LinkPoint
-from mechanism_sim.planar.protocols import ForceLaw, Rubbing, Wrench, together
+from mechanism_sim.planar.protocols import ForceLaw, Gap, Rubbing, Wrench, contact_wrench, together
 from mechanism_sim.planar.view import Draft, Side
 
 
@@ -36,6 +37,51 @@ class ContactGap:
 
     def draw(self, _: Draft) -> None:
         """Add what bounds the motion to a drawing: nothing, where the joint shows it."""
+
+
+class RoundGap(ContactGap):
+    """A gap whose value ``(|Q|^2 - R^2)/(2 R)`` [m] has no root; R is -c for a pin in a bushing.
+
+    Where a compliant contact is deep its normal ``Q/R`` is not of length one, nor are the arms of
+    its friction those of a touch.
+    """
+
+    @property
+    def room(self) -> float:
+        """R, twice the value that is the farthest from the contact, with its sign [m]."""
+        raise NotImplementedError
+
+    def stretch(self, value: Term) -> Term:
+        """``|Q|/|R| = sqrt(1 + 2 y/R)`` of a value y, over which the value grows faster."""
+        return hy.sqrt(1.0 + (2.0 / self.room) * dense(value))
+
+    def depth(self, value: Term) -> Term:
+        """``-2 y/(1 + |Q|/|R|)`` [m]: no difference of nearly equal numbers."""
+        return -2.0 * dense(value) / (1.0 + dense(self.stretch(value)))
+
+    def distance(self, value: Array) -> Array:
+        """``|Q| - R`` of discs, ``c - |Q|`` of a pin in its bushing [m], of values (N,)."""
+        root = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * value / self.room))
+        return np.asarray(2.0 * value / (1.0 + root))
+
+    def stretched(self, frames: Frames) -> JetPair:
+        """``|Q|/|R|`` of a closed compliant contact, 1 of an open one, and its inverse."""
+        gap = cast(Gap, self)
+        y = gap.value(frames) * frames.parameters.reserve(f'{gap.name}.closed')
+        root = dense(self.stretch(y.value))
+        rate = dense(y.rate) / (self.room * root)
+        return Jet(root, {}, rate, None), Jet(1.0 / root, {}, -rate / (root * root), None)
+
+    def pressing(
+        self, frames: Frames, normal: JetPair, loads: tuple[Term, Term], arm: Term,
+        place: JetPair | None = None,
+    ) -> Wrench:  # fmt: skip
+        """`contact_wrench` of loads N and T along a normal that may be stretched."""
+        N, T = loads
+        if self.law is not None:
+            root, inverse = self.stretched(frames)
+            T, arm = mul(T, inverse.value), mul(arm, root.value)
+        return contact_wrench(normal, N, T, arm, place)
 
 
 class MeasuredGap(ContactGap):
@@ -169,7 +215,7 @@ def with_turning(
     mechanism: Mechanism,
     name: str,
     ends: Sequence[LinkPoint],
-    arms: Sequence[float],
+    arms: Sequence[float | Jet],
     still: Collection[str] = (),
 ) -> Jet:
     """Slip [m/s] of points, with the rotation of links whose surfaces lie at arms [m].
@@ -182,6 +228,10 @@ def with_turning(
     for (link, at), arm in zip(ends, arms, strict=True):
         for c, turn in mechanism.turns(link, at).items():
             if c in still:
+                continue
+            if isinstance(arm, Jet):
+                r, rate = (mul(hy.expression(turn), x) for x in (arm.value, arm.rate))
+                slip += Jet(None, {c: r}, mul(r, frames.v[c]), mul(rate, frames.v[c]))
                 continue
             r = frames.parameters(f'{name}.slip:{link}@{c}', arm * turn)
             if r is not None:

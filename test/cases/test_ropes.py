@@ -584,3 +584,23 @@ def test_a_stretch_that_is_drawn_in_has_no_length(ring, at):
             ms.simulate(machine, duration=later * end)
         told = float(re.search(r'at t = (\S+) s', str(error.value))[1])
         assert told == pytest.approx(end, rel=1e-7)
+
+
+def test_two_ratchets_that_block_a_drive_are_named():
+    """One takes the shaft along, the other holds it; a third has no part in it."""
+    shafts = ('a', 'b', 'c')
+    scene = {
+        'mechanism': 'linkage',
+        'links': {x: {'mass': 1, 'inertia': 0.01} for x in shafts},
+        'joints': {
+            **{f'shaft_{x}': {'revolute': ['ground', x]} for x in shafts},
+            'takes': {'ratchet': ['a', 'b'], 'teeth': 24},
+            'holds': {'ratchet': ['b', 'ground'], 'teeth': 24},
+            'idles': {'ratchet': ['c', 'b'], 'teeth': 7},
+        },
+        'gravity': [0, 0],
+        'drive': {'coordinate': 'a', 'speed': '2 rad/s'},
+        'initial': {'position': {'c': -0.1}},
+    }
+    with pytest.raises(RunError, match=r'at t = 0 s .*: takes, holds bear against'):
+        ms.simulate(scene, duration=1.0)

@@ -7,6 +7,8 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 import mechanism_sim as ms
+from mechanism_sim.engine.contact.compliant import HuntCrossley
+from test.hard.bodies import Floor, ThrownBody
 
 G = 9.81
 
@@ -158,6 +160,27 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
     assert left == pytest.approx(quad(pace, 0, math.sqrt(first - last))[0], rel=1e-9)
     angle = solution.sample([left])['position.ladder'][0]
     assert math.sin(angle) == pytest.approx(2.0 / 3.0 * math.sin(first), rel=1e-9)
+
+
+@pytest.mark.parametrize('slope', [0.0, 0.4])
+@pytest.mark.parametrize('feet', [2, 3])
+def test_soft_feet_at_the_same_depth_share_their_friction(slope, feet):
+    """Their slips are one: both would stick by equations that are singular."""
+    law, mu, speed = HuntCrossley(1e8, 0.3), 0.5, 0.3
+    floors = [
+        Floor('body', 0.3, mu, at=(x, 0.0), name=f'foot{x:+}', law=law)
+        for x in np.linspace(-0.2, 0.2, feet).tolist()
+    ]
+    depth = law.resting_depth(G / feet)
+    for v in (0.0, speed, -speed):
+        body = ThrownBody(
+            floors, (0.0, 0.0, -depth), (0.0, v, 0.0), gravity=(slope * G, -G), closed=True
+        ).until(0.5)
+        slows = mu * G - math.copysign(slope, v * slope) * G
+        assert body.at(0.5) == pytest.approx([0.0, v * abs(v) / 2 / slows, -depth], abs=1e-12)
+        assert body.at(0.5, 1) == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+        assert len(body.modes) < 30
+        assert abs(body.audit.energy.residual) < 1e-12
 
 
 @pytest.mark.parametrize('slope', [45.0, pytest.param(26.0, marks=pytest.mark.slow)])

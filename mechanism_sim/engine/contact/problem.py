@@ -131,7 +131,7 @@ class Rest(NamedTuple):
 FLIES, FOLLOWS, STICKS, SLIDES_FORWARD, SLIDES_BACKWARD, RECOVERS = range(1, 7)
 """Modes of a contact: open; closed without friction; closed with friction; see `Mode`."""
 
-_IDLE = 4  # a grip beside those of `complementarity`, see `turn_idle`
+IDLE = 4  # a grip beside those of `complementarity`, see `turn_idle`
 
 T, GAP, ANGLE, APPROACH, REBOUND, NORMAL, TANGENTIAL, LOSS, DRIVE, WORK, ENDS, LEFT = range(12)
 """Columns of a log of impacts: time [s], index of the gap, and what `engine.events.Impact` has."""
@@ -502,13 +502,15 @@ def turn_idle(c: ContactProblem, grips: Indices, forces: Array) -> None:
 
     How both share the friction is not determined, as under two feet of a block: equations that
     ask for it are singular. So those that carry none in a solution `forces` (r,) carry none.
+    No normal of compliant contacts is kept at zero, only slips are.
     """
     m, n = len(c.value), 0
     rows, L = np.empty(2 * m, dtype=np.int64), np.empty((2 * m, 2 * m))
     for at in range(3 * m):  # normals first, then what carries friction
         i = at % m
         if at < m:
-            if grips[i] != OPEN and independence(c, i, rows, L, n) > _IMPACTS.independent:
+            kept = grips[i] != OPEN and len(c.relief) == 0
+            if kept and independence(c, i, rows, L, n) > _IMPACTS.independent:
                 rows[n] = i
                 n += 1
         elif grips[i] == STICK and c.friction[i] > 0.0 and (forces[m + i] != 0.0) == (at < 2 * m):
@@ -516,7 +518,7 @@ def turn_idle(c: ContactProblem, grips: Indices, forces: Array) -> None:
                 rows[n] = m + i
                 n += 1
             elif at >= 2 * m:
-                grips[i] = _IDLE
+                grips[i] = IDLE
 
 
 @kernel
@@ -590,7 +592,7 @@ def come_to_rest(
                 kept[m + i] = grips[i] == STICK
                 mode = (
                     STICKS if grips[i] == STICK
-                    else FOLLOWS if grips[i] == _IDLE
+                    else FOLLOWS if grips[i] == IDLE
                     else SLIDES_FORWARD if grips[i] == FORWARD
                     else SLIDES_BACKWARD
                 )  # fmt: skip

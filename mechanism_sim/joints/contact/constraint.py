@@ -20,10 +20,10 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet, JetPair, lift
-from mechanism_sim.planar.gaps import ContactGap, with_turning
+from mechanism_sim.planar.gaps import RoundGap, with_turning
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
-from mechanism_sim.planar.protocols import Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Wrench
 from mechanism_sim.planar.view import Draft, Side, circle
 
 _ACROSS = 48  # points of a drawn disc
@@ -89,7 +89,7 @@ class DiscClosure(HigherClosure[DiscPair]):
 
 
 @dataclass(frozen=True)
-class DiscGap(ContactGap):
+class DiscGap(RoundGap):
     """The distance of a disc from a disc or a bar."""
 
     pair: DiscPair
@@ -106,7 +106,7 @@ class DiscGap(ContactGap):
         return self.pair.name
 
     @property
-    def reach(self) -> float:
+    def room(self) -> float:
         """Sum of the radii [m]."""
         return sum(self.pair.radii)
 
@@ -121,22 +121,9 @@ class DiscGap(ContactGap):
         """``(Q.Q - R^2)/(2 R)`` [m]."""
         x, y = self._apart(frames)
         half = self._square(frames, x, y)
-        reach = dense(frames.parameters(f'{self.name}.reach', self.reach))
+        reach = dense(frames.parameters(f'{self.name}.reach', self.room))
         found: Jet = half / reach - lift(0.5 * reach)
         return found
-
-    def stretch(self, value: Term) -> Term:
-        """``|Q|/R = sqrt(1 + 2 y/R)`` of a value y, over which the value grows faster."""
-        return hy.sqrt(1.0 + (2.0 / self.reach) * dense(value))
-
-    def depth(self, value: Term) -> Term:
-        """``R - |Q| = -2 y/(1 + |Q|/R)`` [m]: no difference of nearly equal numbers."""
-        return -2.0 * dense(value) / (1.0 + dense(self.stretch(value)))
-
-    def distance(self, value: Array) -> Array:
-        """The gap ``|Q| - R`` [m] that belongs to values of ``(Q.Q - R^2)/(2 R)``."""
-        root = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * value / self.reach))
-        return np.asarray(2.0 * value / (1.0 + root))
 
     def _apart(self, frames: Frames) -> JetPair:
         """Vector from the second's point to the first's [m]."""
@@ -190,7 +177,7 @@ class DiscGap(ContactGap):
         return frames.position(self.mechanism.direction(self.pair.second, way), f'{self.name}.bar')
 
     def _minus(self, frames: Frames) -> hy.expression:
-        return -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
+        return -1.0 / dense(frames.parameters(f'{self.name}.reach', self.room))
 
     def normal(self, frames: Frames) -> JetPair:
         """Normal from the first's middle to the second, ``-Q/R``."""
@@ -202,7 +189,7 @@ class DiscGap(ContactGap):
         """Velocity of the first's surface along the second's [m/s], ``Q'.t + r1 w1 + r2 w2``.
 
         Along a bar it is ``p' + r1 (w1 - w2)`` with the place p along it. Both as rates of what
-        has no value.
+        has no value. Pressed into one another both pass the first's surface: r2 is |Q| - r1.
         """
         x, y = self._apart(frames)
         minus = self._minus(frames)
@@ -210,6 +197,12 @@ class DiscGap(ContactGap):
         m, name = self.mechanism, self.name
 
         def rolling(slip: Jet, arms: tuple[float, float], part: str) -> Jet:
+            if self.law is not None:
+                root, inverse = self.stretched(frames)
+                slip = inverse.times_rate(slip)
+                if not part:
+                    slip = with_turning(slip, frames, m, name, ends[1:], (root * self.room,))
+                arms = r1, -r1
             return with_turning(slip, frames, m, f'{name}{part}', ends, arms)
 
         whole = rolling(x.across(y) * minus, (r1, r2), '')
@@ -226,4 +219,4 @@ class DiscGap(ContactGap):
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench on the second-named link, about its point; it acts at the first's surface."""
         arm = frames.parameters(f'{self.name}.first_radius', self.pair.radii[0])
-        return contact_wrench(self.normal(frames), N, T, arm, self._apart(frames))
+        return self.pressing(frames, self.normal(frames), (N, T), arm, self._apart(frames))

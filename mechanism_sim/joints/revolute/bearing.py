@@ -11,15 +11,15 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing, Vector
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet, JetPair
-from mechanism_sim.planar.gaps import ContactGap, with_turning
+from mechanism_sim.planar.gaps import RoundGap, with_turning
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Point
-from mechanism_sim.planar.protocols import Load, Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Load, Wrench
 from mechanism_sim.tolerances import TOLERANCES
 
 
 @dataclass(frozen=True)
-class BearingClearance(ContactGap):
+class BearingClearance(RoundGap):
     """A pin on the first-named link, loose in a bushing on the second-named link.
 
     With Q from bushing centre to pin centre and radial clearance c, the gap is ``c - |Q|``
@@ -50,29 +50,27 @@ class BearingClearance(ContactGap):
         return self.pin_radius + self.clearance
 
     @property
-    def _room(self) -> float:
-        """Twice the largest value [m]."""
-        return self.clearance
-
-    def stretch(self, value: Term) -> Term:
-        """``|Q|/c = sqrt(1 - 2 y/c)`` of a value y."""
-        return hy.sqrt(1.0 - (2.0 / self._room) * value)
-
-    def depth(self, value: Term) -> Term:
-        """``|Q| - c = -2 y/(1 + |Q|/c)`` [m]: no difference of nearly equal numbers."""
-        return -2.0 * value / (1.0 + self.stretch(value))
+    def room(self) -> float:
+        """``-c`` [m]."""
+        return -self.clearance
 
     def slip(self, frames: Frames) -> Jet:
         """Velocity of the pin's surface along the bushing's, ``Q'.t + rp w1 - (rp + c) w2`` [m/s].
 
         Both surfaces pass the point of contact: at the distance rp from the pin's centre and at
-        rp + c from the bushing's. Its rate is ``Q''.t + rp w1' - (rp + c) w2'``.
+        rp + c from the bushing's. Its rate is ``Q''.t + rp w1' - (rp + c) w2'``. Pressed into one
+        another both pass the pin's surface, where c becomes ``|Q|``.
         """
         x, y = self._pin_in_bushing(frames)
         tangential: Jet = -(x.across(y) * self._minus_curvature(frames))
         joint = self.mechanism.joint(self.joint)
-        arms = self.pin_radius, -self.arm
-        return with_turning(tangential, frames, self.mechanism, self.name, joint.points, arms)
+        known = frames, self.mechanism, self.name
+        if self.law is None:
+            return with_turning(tangential, *known, joint.points, (self.pin_radius, -self.arm))
+        root, inverse = self.stretched(frames)
+        arms = self.pin_radius, -self.pin_radius
+        slip = with_turning(inverse.times_rate(tangential), *known, joint.points, arms)
+        return with_turning(slip, *known, joint.points[1:], (root * -self.clearance,))
 
     def normal(self, frames: Frames) -> JetPair:
         """``Q/c``: the direction from bushing centre to pin centre."""
@@ -88,7 +86,9 @@ class BearingClearance(ContactGap):
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench on the bushing's link, about the bushing's centre."""
         arm = frames.parameters(f'{self.name}.arm', self.arm)
-        return contact_wrench(self.normal(frames), N, T, arm)
+        if self.law is not None:
+            arm = self.pin_radius + self.clearance * dense(self.stretched(frames)[0].value)
+        return self.pressing(frames, self.normal(frames), (N, T), arm)
 
     def _pin_in_bushing(self, frames: Frames) -> JetPair:
         return frames.position(self.apart, self.name)
@@ -101,11 +101,6 @@ class BearingClearance(ContactGap):
     def _minus_curvature(self, frames: Frames) -> hy.expression:
         """-1/c: a product costs less than a quotient and a change of sign."""
         return dense(frames.parameters(f'{self.name}.minus_curvature', -1.0 / self.clearance))
-
-    def distance(self, value: Array) -> Array:
-        """The gap ``c - |Q|`` [m] that belongs to values of ``(c^2 - Q.Q)/(2 c)``."""
-        c = self._room
-        return 2.0 * value / (1.0 + np.sqrt(np.maximum(0.0, 1.0 - 2.0 * value / c)))
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet, JetPair, Parameters
 from mechanism_sim.planar.gaps import with_turning
 from mechanism_sim.planar.points import LinkPoint
-from mechanism_sim.planar.protocols import Wrench, contact_wrench
+from mechanism_sim.planar.protocols import Wrench
 
 _ROUND = WornShape(0.0, None, None)
 
@@ -85,6 +85,9 @@ class WornBearing(BearingClearance):
         The pin's surface is taken at rp from its centre: of a worn one off by depth over radius.
         """
         _, (x, y), (nx, ny), _ = self._pressed(frames)
+        if self.law is not None:
+            inverse = self.stretched(frames)[1]
+            nx, ny = nx * inverse, ny * inverse
         along = Jet(
             None,
             {c: add(mul(nx.value, y.gradient.get(c)), neg(mul(ny.value, x.gradient.get(c))))
@@ -96,24 +99,23 @@ class WornBearing(BearingClearance):
         points, radius = self.mechanism.joint(self.joint).points, self.pin_radius
         slip = with_turning(along, frames, self.mechanism, self.name, points, (radius, -radius))
         depth: Jet = nx * x + ny * y
-        for c, turn in self.mechanism.turns(*points[1]).items():
-            v = frames.v[c]
-            arm, rate = (neg(mul(hy.expression(turn), term)) for term in (depth.value, depth.rate))
-            slip += Jet(None, {c: arm}, mul(arm, v), mul(rate, v))
-        return slip
+        return with_turning(slip, frames, self.mechanism, self.name, points[1:], (-depth,))
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench on the bushing's link, about the bushing's centre."""
         _, (x, y), normal, (bx, by) = self._pressed(frames)
         depth = add(mul(normal[0].value, x.value), mul(normal[1].value, y.value))
+        if self.law is not None:
+            depth = mul(depth, self.stretched(frames)[1].value)
         arm = add(frames.parameters(f'{self.name}.pin_radius', self.pin_radius), depth)
-        force = contact_wrench(normal, N, T, arm)
+        force = self.pressing(frames, normal, (N, T), arm)
         across = add(mul(x.value, by), neg(mul(y.value, bx)))
         return force._replace(moment=add(force.moment, mul(across, N)))
 
     @property
-    def _room(self) -> float:
-        return self.shape.widest
+    def room(self) -> float:
+        """``-c`` of the widest circle [m]."""
+        return -self.shape.widest
 
     def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
         """The normal of the surfaces as they are, ``Q.n``, and the gradient's length, nearly 1."""
