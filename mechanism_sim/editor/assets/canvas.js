@@ -89,7 +89,7 @@ export class Canvas {
   /** Draws a machine, and where it is. */
   show(stage, frame) {
     this.machine = stage;
-    this.stage = new Stage(this.svg, { ...stage, bounds: [0, 0, 1, 1].map((x) => x * stage.symbol) });
+    this.stage = new Stage(this.svg, { ...stage, scale: null, bounds: [0, 0, 1, 1].map((x) => x * stage.symbol) });
     this.frame = { forces: [], pins: [], impacts: [], ...frame };
     this.#look();
   }

@@ -169,7 +169,7 @@ export class Stage {
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
   #measure() {
     const { width, height } = this.svg.getBoundingClientRect();
-    if (height > 2 * FOOT && this.box[2] >= this.all[2]) {
+    if (this.stage.scale && height > 2 * FOOT && this.box[2] >= this.all[2]) {
       const scale = Math.min(width / this.all[2], (height - FOOT) / this.height);
       this.all = [0, 0, this.all[2], this.height + FOOT / scale];
       this.box = this.all;
@@ -276,6 +276,7 @@ export class Stage {
 
   /** How long things are, in the corner of what is shown and as large as ever. */
   #rule() {
+    if (!this.stage.scale) return; // it is part of another drawing
     const [left, top, width, height] = this.box;
     const times = this.all[2] / width;
     const { length, text } = this.stage.scale;
