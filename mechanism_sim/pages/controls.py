@@ -12,7 +12,7 @@ from mechanism_sim.messages.part_states import integrator_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.drives import drive_key, drive_of
-from mechanism_sim.units import unrounded
+from mechanism_sim.units import for_people, unrounded
 
 DRIVE = 'crank_drive'
 RPM = 30.0 / math.pi
@@ -82,11 +82,12 @@ def _all(machine: Machine) -> Iterator[Control]:
     )  # fmt: skip
     yield from _drive(machine)
     for joint in machine.bearings:
-        radial = 1e3 * machine.plan.clearances[joint.name].radial
+        radial = machine.plan.clearances[joint.name].radial
+        unit, scale = for_people('m', 10.0 * radial)
         yield Control(
             f'joints.{joint.name}.clearance.radial', f'Clearance of {_words(joint.name)}',
-            'mm', 0.1 * radial, 10.0 * radial, 0.0, radial, 'restart', 1e3, quantity='m',
-            logarithmic=True,
+            unit, 0.1 * scale * radial, 10.0 * scale * radial, 0.0, scale * radial, 'restart',
+            scale, quantity='m', logarithmic=True,
         )  # fmt: skip
     for name, play in machine.plan.rigid.items():
         path = _path_of_restitution(machine, name)
@@ -106,11 +107,12 @@ def _drive(machine: Machine) -> Iterator[Control]:
     if not isinstance(law, DriveLaw):
         now = law.coefficients[0]
         if now:
-            unit, most = 'N' if straight else 'N m', 3.0 * abs(now)
-            what = 'Force' if straight else 'Torque'
+            what, unit = ('Force', 'N') if straight else ('Torque', 'N m')
+            unit, scale = for_people(unit, 3.0 * abs(now))
+            most = 3.0 * scale * abs(now)
             yield Control(
                 'effort', f'{what} of {_words(machine.plan.main)}', unit, -most, most,
-                most / 300.0, now, 'now', parameter='effort',
+                most / 300.0, scale * now, 'now', scale, parameter='effort',
             )  # fmt: skip
         return
     label = f'Speed of {_words(machine.plan.main)}'
@@ -122,7 +124,7 @@ def _drive(machine: Machine) -> Iterator[Control]:
             parameter='velocity',
         )  # fmt: skip
     elif now and given and given.speed is not None and machine.drive.steady:
-        scale, unit, quantity = (1e3, 'mm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
+        scale, unit, quantity = (1.0, 'm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
         low, high = sorted((0.1 * scale * now, 3.0 * scale * now))
         yield Control(
             f'{drive_key(machine.plan, main)}.speed', label, unit, low, high,

@@ -48,7 +48,7 @@ class Slider:
 
     def to_json(self) -> dict[str, Any]:
         """Description for a page, with what `Control.to_json` has."""
-        unit, scale = for_people(self.unit)
+        unit, scale = for_people(self.unit, max(abs(self.low), abs(self.high)))
         words = [word for word in self.path.split('.') if word not in ('links', 'points')]
         low, high, value = scale * self.low, scale * self.high, scale * self.value
         return {

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import PLAY
+from builders import PLAY, weightless
 from live_pages import Acted, data, motion_messages, unpacked
 from middleware_network import PATIENCE, eventually
 from running import command, run
@@ -356,6 +356,23 @@ def test_every_control_is_in_its_limits_and_what_it_sets_is_a_value_of_the_scene
         assert control.low <= control.value <= control.high
         changed = controls(ms.load_scene(scene, [control.override(control.high)]))[path]
         assert changed.value == pytest.approx(control.high)
+
+
+def test_sliders_are_in_the_units_of_what_they_reach():
+    """Clearances of micromachines in µm, large torques in kN m, and what is set is as shown."""
+    fine = controls(ms.load_scene(SCENE, {f'{PLAY}.radial': '0.8 um'}))[f'{PLAY}.radial']
+    assert fine.unit == 'µm'
+    assert (fine.low, fine.value, fine.high) == pytest.approx((0.08, 0.8, 8.0))
+    assert fine.override(2.0) == f'{PLAY}.radial=2e-06 m'
+    wheel = {'points': {'rim': ['1 m', 0]}, 'mass': 1000, 'inertia': 500}
+    parts = {
+        'links': {'wheel': wheel},
+        'joints': {'shaft': {'revolute': ['ground', 'wheel']}},
+        'drive': {'coordinate': 'wheel', 'torque': '5 kN m'},
+    }
+    strong = controls(weightless(**parts))['effort']
+    assert (strong.unit, strong.value, strong.high) == ('kN m', 5.0, 15.0)
+    assert strong.si(strong.low) == -15e3
 
 
 def test_what_a_control_sets_has_no_rounding_of_its_unit():

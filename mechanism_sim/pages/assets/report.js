@@ -4,6 +4,7 @@ import { keys } from 'keys';
 import { lensOf } from 'lens';
 import { Player, Recording, nearest, showPlaying } from 'player';
 import { Stage, words } from 'stage';
+import { quantity } from 'svg';
 import { zoomable } from 'zoom';
 
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
@@ -132,7 +133,7 @@ function show(frame, shown) {
 }
 
 function drive(value) {
-  if (data.stage.slides) return `${(1000 * value).toFixed(2)} mm`;
+  if (data.stage.slides) return quantity(value, 'm');
   const degrees = (((value * 180) / Math.PI) % 360 + 360) % 360;
   return `${degrees.toFixed(1).padStart(5, '\u2007')}°`;
 }
