@@ -340,6 +340,26 @@ def test_a_joint_that_is_dragged_to_the_other_side_stays_on_its_branch():
     assert 'branch: crossed' in page.text
 
 
+@pytest.mark.parametrize('tool', ['motor', 'drive'])
+def test_a_four_bar_that_is_written_out_has_no_branch(tool):
+    """Its guesses say how it is assembled: no other kind of mechanism has that key."""
+    page = Page('four_bar_clearance')
+    (x, y), (u, v) = page.at('crank_coupler'), page.at('coupler_rocker')
+    page.draw(tool, (0.5 * (x + u), 0.5 * (y + v), 'coupler/'))
+    content = page.session.document.content()
+    assert content['mechanism'] == 'linkage'
+    assert 'branch' not in content
+    assert 'unknown key' not in page.state['problem']
+
+
+def test_masses_of_links_that_have_them_are_refused_in_a_sentence():
+    page = Page('four_bar_clearance')
+    before = page.text
+    page.draw('masses', (0.0, 0.0, ''))
+    assert page.said == ['every link has a mass already']
+    assert page.text == before
+
+
 def four_bar() -> Page:
     """A four-bar drawn from nothing."""
     page = Page()
