@@ -39,9 +39,8 @@ def chart(turn: Turn | None, name: str) -> dict[str, Any] | None:
     part, _, word = name.partition(': ')
     along, at = turn.along
     values, unit = _values(turn, part, word)
-    label, axis = (text.replace('_', ' ') for text in (name, along))
     return {
-        'name': name, 'label': label, 'unit': unit, 'along': axis,
+        'name': name, 'label': name, 'unit': unit, 'along': along,
         'at': at.tolist(), 'values': np.nan_to_num(values).tolist(),
     }  # fmt: skip
 

@@ -85,7 +85,7 @@ def _all(machine: Machine) -> Iterator[Control]:
         radial = machine.plan.clearances[joint.name].radial
         unit, scale = for_people('m', 10.0 * radial)
         yield Control(
-            f'joints.{joint.name}.clearance.radial', f'Clearance of {_words(joint.name)}',
+            f'joints.{joint.name}.clearance.radial', f'Clearance of {joint.name}',
             unit, 0.1 * scale * radial, 10.0 * scale * radial, 0.0, scale * radial, 'restart',
             scale, quantity='m', logarithmic=True,
         )  # fmt: skip
@@ -93,7 +93,7 @@ def _all(machine: Machine) -> Iterator[Control]:
         path = _path_of_restitution(machine, name)
         if play.contact is None and path:
             yield Control(
-                path, f'Restitution of {_words(name)}', '', 0.0, 1.0, 0.01, play.restitution,
+                path, f'Restitution of {name}', '', 0.0, 1.0, 0.01, play.restitution,
                 'now', owner=integrator_of(machine),
                 parameter=f'joints.{name}.clearance.restitution',
             )  # fmt: skip
@@ -111,11 +111,11 @@ def _drive(machine: Machine) -> Iterator[Control]:
             unit, scale = for_people(unit, 3.0 * abs(now))
             most = 3.0 * scale * abs(now)
             yield Control(
-                'effort', f'{what} of {_words(machine.plan.main)}', unit, -most, most,
+                'effort', f'{what} of {machine.plan.main}', unit, -most, most,
                 most / 300.0, scale * now, 'now', scale, parameter='effort',
             )  # fmt: skip
         return
-    label = f'Speed of {_words(machine.plan.main)}'
+    label = f'Speed of {machine.plan.main}'
     now = machine.drive.start[1]
     if commands:
         most = RPM * commands.fastest
@@ -139,7 +139,3 @@ def _path_of_restitution(machine: Machine, name: str) -> str:
         if getattr(getattr(joint, part, None), 'restitution', None) is not None:
             return f'joints.{name}.{part}.restitution'
     return ''
-
-
-def _words(name: str) -> str:
-    return name.replace('_', ' ')

@@ -52,7 +52,7 @@ class Slider:
         words = [word for word in self.path.split('.') if word not in ('links', 'points')]
         low, high, value = scale * self.low, scale * self.high, scale * self.value
         return {
-            'path': self.path, 'label': ' '.join(words).replace('_', ' '), 'unit': typeset(unit),
+            'path': self.path, 'label': '.'.join(words), 'unit': typeset(unit),
             'low': low, 'high': high, 'value': value, 'step': (high - low) / 1000.0,
             'si': self.value, 'scale': scale, 'effect': 'now', 'logarithmic': False,
             'change': {name: x.tolist() for name, x in self.change.items() if x.any()},

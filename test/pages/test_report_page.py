@@ -598,7 +598,7 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
         play = run.record.machine.plan.clearances[run.stage.bearings[index].name]
         assert at <= play.radial * (1.0 + 1e-6)
         assert f'{1e6 * play.radial:g} µm' in tab.page.locator('#lens .note').text_content()
-    assert titles == ['crank coupler', 'coupler rocker']
+    assert titles == ['crank_coupler', 'coupler_rocker']
     assert tab.complaints == []
 
 

@@ -351,8 +351,10 @@ def test_every_control_is_in_its_limits_and_what_it_sets_is_a_value_of_the_scene
     machine = ms.load_scene(scene)
     found = controls(machine)
     assert found.keys() == paths | {'realtime_factor'}
+    names = {*machine.plan.clearances, machine.plan.main}
     for path in paths:
         control = found[path]
+        assert control.label.rpartition(' of ')[2] in names  # as the scene has them
         assert control.low <= control.value <= control.high
         changed = controls(ms.load_scene(scene, [control.override(control.high)]))[path]
         assert changed.value == pytest.approx(control.high)
@@ -602,7 +604,7 @@ def test_every_play_has_its_lens_in_the_live_view(acted):
     frames = {name: unpacked(packed) for name, packed in run.batch['frames'].items()}
     for name in names:
         run.page.select_option('#bearing', name)
-        run.page.locator('#lens .title', has_text=name.replace('_', ' ')).wait_for()
+        run.page.locator('#lens .title', has_text=name).wait_for()
         assert run.page.locator('#stage .callout').bounding_box()['height'] > 10
         if name in [play['joint'] for play in told['plays']]:
             (k,) = [k for k, play in enumerate(told['plays']) if play['joint'] == name]

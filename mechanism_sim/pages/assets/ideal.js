@@ -5,7 +5,7 @@ import { IdealMotion, pointOf } from 'ideal_motion';
 import { keys } from 'keys';
 import { Player, showPlaying } from 'player';
 import { Sliders } from 'sliders';
-import { Stage, words } from 'stage';
+import { Stage } from 'stage';
 import { onResize, quantity, step } from 'svg';
 import { zoomable } from 'zoom';
 
@@ -20,7 +20,7 @@ const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
 const timed = data.laws.length > 0;
 const backwards = data.speed < 0;
-const drive = words(data.main);
+const drive = data.main;
 const [LENGTH, METRE] = data.length;
 const shift = data.turns && data.low > Math.PI ? TURN : 0; // angles are written from -180° on
 const across = (u) => (timed ? u : data.slides ? METRE * u : DEGREES * (u - shift));
@@ -183,7 +183,7 @@ function layers() {
 function quantities() {
   const found = data.coordinates.flatMap(({ name, slides }, i) => {
     if (data.held.includes(i) && !timed) return [];
-    const label = words(name.replace('.', ' '));
+    const label = name;
     return [
       [label, slides ? `${label}: displacement` : `${label}: angle`, slides ? LENGTH : '°',
         ({ q }) => (slides ? METRE : DEGREES) * q[i]],
@@ -195,7 +195,7 @@ function quantities() {
   found.unshift(...found.splice(outputs, 3)); // the last link is mostly what a machine is for
   for (const [link, name] of data.points) {
     const k = data.stage.links.indexOf(link);
-    const label = words(`${link} ${name}`);
+    const label = `${link}.${name}`;
     const of = (value) => ({ poses }, machine) => value(pointOf(poses[k], machine.dimension(`point:${link}.${name}`)));
     found.push([label, `${label}: x`, LENGTH, of(([x]) => METRE * x)], [label, `${label}: y`, LENGTH, of(([, y]) => METRE * y)],
       [label, `${label}: speed`, 'm/s', of(([, , vx, vy]) => Math.hypot(vx, vy))],
@@ -228,7 +228,7 @@ function clipped(values) {
 function figures() {
   const found = timed ? [] : [[`${drive}, the drive`, motion.full ? 'turns fully' : `${written(motion.low)} to ${written(motion.high)}`]];
   data.coordinates.forEach(({ name, slides }, i) => {
-    if (!data.held.includes(i)) found.push([words(name.replace('.', ' ')), range(i, slides)]);
+    if (!data.held.includes(i)) found.push([name, range(i, slides)]);
   });
   if (!data.sides.length) return found;
   const ends = data.sides.map((link) => motion.dimension(`side:${link}`));

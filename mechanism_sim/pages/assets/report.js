@@ -3,7 +3,7 @@ import { Curves } from 'curves';
 import { keys } from 'keys';
 import { lensOf } from 'lens';
 import { Player, Recording, nearest, showPlaying } from 'player';
-import { Stage, words } from 'stage';
+import { Stage } from 'stage';
 import { quantity } from 'svg';
 import { zoomable } from 'zoom';
 
@@ -127,7 +127,7 @@ function show(frame, shown) {
   by('scrub').setAttribute('aria-valuetext', by('time').textContent);
   by('drive').textContent = drive(frame.drive);
   by('shown').textContent = `Shown at ${by('time').textContent}, ${
-    words(data.stage.main)} ${by('drive').textContent.trim()}.`;
+    data.stage.main} ${by('drive').textContent.trim()}.`;
   document.documentElement.dataset.time = frame.t;
   showPlaying(shown?.playing);
 }

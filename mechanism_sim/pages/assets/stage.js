@@ -44,8 +44,7 @@ export class Stage {
     this.flashes = this.#layer('impacts', Math.max(stage.bearings.length, stage.joints.length),
       'circle', { class: 'flash', r: 0 });
     stage.joints.forEach((joint, i) => {
-      add(this.arrows[i], 'title').textContent = `force of ${words(joint.first)} on ${
-        words(joint.link)} in ${words(joint.name)}`;
+      add(this.arrows[i], 'title').textContent = `force of ${joint.first} on ${joint.link} in ${joint.name}`;
     });
     onResize(svg, () => this.#measure());
     this.#measure();
@@ -270,8 +269,7 @@ export class Stage {
       const path = add(group, 'path', { class: style, d: outline(style, curves) });
       if (this.stage.bendings[link]) this.elastic.push({ path, link, style, curves });
     }
-    const named = kind === 'link' ? words(label) : [words(label), words(link)].find(Boolean);
-    add(group, 'title').textContent = named;
+    add(group, 'title').textContent = label || (kind === 'link' ? '' : link);
   }
 
   /** How long things are, in the corner of what is shown and as large as ever. */
@@ -308,7 +306,7 @@ export class Stage {
     const [a, b] = outline;
     const aside = count === 2 ? [-(b[1] - a[1]), b[0] - a[0]] : null;
     const text = add(names, 'text');
-    text.textContent = words(label);
+    text.textContent = label;
     this.names.push({ text, link, at, aside: count === 1 ? [0, 0] : aside });
   }
 
@@ -366,5 +364,5 @@ function below(x) {
   return [5, 2, 1].find((times) => times * ten <= x * (1 + 1e-9)) * ten;
 }
 
-/** A name as people read it. */
-export const words = (name) => (name ?? '').replaceAll('_', ' ');
+/** A key of scenes, or a tool, as people read it; names of parts stand as the scene has them. */
+export const words = (key) => key.replaceAll('_', ' ');
