@@ -1051,6 +1051,19 @@ def test_a_chart_over_the_turn_follows_the_drag():
     assert page.state['chart'] is None
 
 
+def test_a_chart_of_a_micromachine_is_in_micrometres():
+    page = Page()
+    sides = {'ground': '3.87 um', 'coupler': '3.09 um', 'rocker': '3.12 um'}
+    links = ', '.join(f'{name}: {{length: {size}}}' for name, size in sides.items())
+    links += ', crank: {length: 0.64 um, points: {tip: [0.64 um, 0]}}'
+    text = f'mechanism: four_bar\nlinks: {{{links}}}\ndrive: {{speed: 60 rpm}}\n'
+    page.ask('text', text=text)
+    page.ask('chart', quantity='crank.tip: x')
+    chart = page.state['chart']
+    assert chart['unit'] == 'µm'
+    assert np.ptp(chart['values']) == pytest.approx(1.28, rel=1e-3)
+
+
 @pytest.mark.sample(3)
 @pytest.mark.parametrize('name', scene_names())
 def test_every_quantity_that_is_offered_can_be_charted(name):

@@ -210,7 +210,8 @@ function chart(now) {
   curves = null;
   if (!now || by('chart').hidden) return;
   const run = ({ at, values }) => (at[0] > at.at(-1) ? { at: at.toReversed(), values: values.toReversed() } : { at, values });
-  const before = state.chart?.name === now.name ? state.chart : now;
+  const alike = ['name', 'unit', 'along'].every((key) => state.chart?.[key] === now[key]);
+  const before = alike ? state.chart : now;
   curves = { at: now.at, drawn: new Curves(by('curves'), { ...now, every: now.along.endsWith('[°]') ? 60 : 0, runs: [run(before), run(now)] }) };
   curves.drawn.choose(1);
   curves.drawn.show(now.at[0]);
