@@ -100,10 +100,10 @@ function draw() {
   const made = drawing();
   const length = [5, 2, 1, 0.5].map((x) => x * 0.2 * step(made.bounds[2] - made.bounds[0]))
     .find((x) => x <= 0.2 * (made.bounds[2] - made.bounds[0]));
-  const box = stage && stage.box[2] < stage.all[2] ? stage.box : null;
+  const before = stage;
   stage = new Stage(by('stage'), { ...made, scale: { length, text: quantity(length, 'm') } });
   stage.trace(places.map(frameOf));
-  if (box) stage.look(box);
+  stage.lookAs(before);
   layers();
   chart();
   pace();

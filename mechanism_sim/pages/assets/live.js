@@ -68,7 +68,7 @@ function begin({ stage, controls }) {
   by('bearing').replaceChildren(...loose.map((joint) => new Option(joint, joint)));
   shown = { data: stage, stage: new Stage(by('stage'), stage), stream: new Stream(stage) };
   html.dataset.time = ''; // nothing stands anywhere yet
-  if (before?.data.scene === stage.scene) shown.stage.look(before.stage.box);
+  if (before?.data.scene === stage.scene) shown.stage.lookAs(before.stage);
   layers();
   choose(loose.includes(before?.joint) ? before.joint : loose[0]);
   sliders.show(controls);

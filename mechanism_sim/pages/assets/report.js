@@ -98,10 +98,10 @@ function become(member) {
   const share = (player.time - recording.start) / (recording.end - recording.start || 1);
   chosen = family[member];
   recording = new Recording(chosen);
-  const { box } = stage;
+  const before = stage;
   stage = new Stage(by('stage'), chosen.stage);
   stage.trace(recording.turn());
-  stage.look(box);
+  stage.lookAs(before);
   layers();
   name(member);
   ticks();

@@ -58,6 +58,14 @@ export class Stage {
     this.#measure();
   }
 
+  /** Shows the part of the world that another drawing is enlarged to. @param {?Stage} other */
+  lookAs(other) {
+    if (!other || other.box[2] >= other.all[2]) return;
+    const { box: [left, top, ...size], unit, corner: [x, y] } = other;
+    const corner = this.point([x + left * unit, y - top * unit]);
+    this.look([...corner, ...size.map((far) => (far * unit) / this.unit)]);
+  }
+
   /** Shows or hides a layer: 'forces', 'names' or 'impacts'. */
   layer(name, shown) {
     for (const group of this.svg.querySelectorAll(`g.${name}, g.of-${name}`)) {
