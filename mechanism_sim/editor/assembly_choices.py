@@ -33,7 +33,7 @@ def choices(document: Document, edits: list[Edit], picture: DocumentPicture) -> 
         off = np.where(slides, off / picture.turn.scale, turned)
         if np.abs(off).max(initial=0.0) < _FAR:
             return []
-    content = document.content()
+    content = document.whole(edits)  # which may have written a four-bar out
     if content.get('mechanism') == 'four_bar':
         crossed = content.get('branch') != 'crossed'
         return [Edit(('branch',), 'crossed' if crossed else GONE)]

@@ -11,7 +11,6 @@ import numpy as np
 from mechanism_sim.editor.motion import Turn
 from mechanism_sim.editor.sketch import Handle, Pose, Poses, point, points_of
 from mechanism_sim.editor.tools import TOOLS
-from mechanism_sim.export.bending import scale_bar
 from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written
@@ -182,11 +181,9 @@ def _stage(scene: Scene, links: list[str], symbol: float, shapes: list[Shape]) -
         'links': links,
         'shapes': [_written(_Alike(shape)) for shape in shapes],
         'coil': COIL.tolist(),
-        'scale': dict(zip(('length', 'text'), scale_bar(60.0 * symbol), strict=True)),
         'joints': [],
         'bearings': [],
         'plays': [],
-        'force': 0.0,
         'force_scale': 0.0,
         'bendings': {},
     }

@@ -24,6 +24,7 @@ from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
+from mechanism_sim.units import for_people
 
 INSTANTS = 73
 """Number of instants of a turn, or of a run, both ends included."""
@@ -143,13 +144,19 @@ class Turn:
 
     @property
     def along(self) -> tuple[str, Array]:
-        """Name of the variable of a turn with its unit, and its values (N,) [°, mm, s]."""
+        """Name of the variable of a turn with its unit, and its values (N,) [°, `length`, s]."""
         count = self.q.shape[1]
         if len(self._held) > 1:
             return 'time [s]', self._times[:count]
         ((c, way),) = self._held.items()
         slides = c in self.mechanism.displacements
-        return f'{c} [{"mm" if slides else "°"}]', (1e3 if slides else 180.0 / np.pi) * way[:count]
+        unit, scale = self.length if slides else ('°', 180.0 / np.pi)
+        return f'{c} [{unit}]', scale * way[:count]
+
+    @property
+    def length(self) -> tuple[str, float]:
+        """Unit of lengths of a machine of this size, and by what metres are multiplied."""
+        return for_people('m', self.mechanism.size)
 
     @property
     def timed(self) -> bool:

@@ -79,7 +79,9 @@ def _point(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     'now',
 )
 def _masses(sketch: Sketch, _start: Spot, _end: Spot) -> list[Edit]:
-    return sketch.masses()
+    if not (found := sketch.masses()):
+        raise InputError('every link has a mass already')
+    return found
 
 
 @draws(

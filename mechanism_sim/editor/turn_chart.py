@@ -12,9 +12,9 @@ from mechanism_sim.planar.points import GROUND
 
 _ORDERS = {
     'angle': ('°', 0), 'angular velocity': ('rad/s', 1), 'angular acceleration': ('rad/s²', 2),
-    'displacement': ('mm', 0), 'velocity': ('m/s', 1), 'acceleration': ('m/s²', 2),
+    'displacement': ('', 0), 'velocity': ('m/s', 1), 'acceleration': ('m/s²', 2),
 }  # fmt: skip
-"""Units of quantities of coordinates, and their orders of derivative."""
+"""Units of quantities of coordinates, '' for a length, and their orders of derivative."""
 
 
 def names(turn: Turn | None) -> list[str]:
@@ -39,9 +39,8 @@ def chart(turn: Turn | None, name: str) -> dict[str, Any] | None:
     part, _, word = name.partition(': ')
     along, at = turn.along
     values, unit = _values(turn, part, word)
-    label, axis = (text.replace('_', ' ') for text in (name, along))
     return {
-        'name': name, 'label': label, 'unit': unit, 'along': axis,
+        'name': name, 'label': name, 'unit': unit, 'along': along,
         'at': at.tolist(), 'values': np.nan_to_num(values).tolist(),
     }  # fmt: skip
 
@@ -56,7 +55,8 @@ def _values(turn: Turn, part: str, word: str) -> tuple[Array, str]:
     if word in ('x', 'y'):
         link, _, point = part.partition('.')
         at = turn.machine.plan.points[link][point]
-        return 1e3 * turn.mechanism.locate_all(link, turn.q, at)['xy'.index(word)], 'mm'
+        unit, scale = turn.length
+        return scale * turn.mechanism.locate_all(link, turn.q, at)['xy'.index(word)], unit
     unit, order = _ORDERS[word]
-    scale = {'°': 180.0 / np.pi, 'mm': 1e3}.get(unit, 1.0)
+    unit, scale = turn.length if not unit else (unit, 180.0 / np.pi if unit == '°' else 1.0)
     return scale * turn.motion(order)[turn.mechanism.coordinates.index(part)], unit

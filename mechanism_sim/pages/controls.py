@@ -12,7 +12,7 @@ from mechanism_sim.messages.part_states import integrator_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.drives import drive_key, drive_of
-from mechanism_sim.units import unrounded
+from mechanism_sim.units import for_people, unrounded
 
 DRIVE = 'crank_drive'
 RPM = 30.0 / math.pi
@@ -82,17 +82,18 @@ def _all(machine: Machine) -> Iterator[Control]:
     )  # fmt: skip
     yield from _drive(machine)
     for joint in machine.bearings:
-        radial = 1e3 * machine.plan.clearances[joint.name].radial
+        radial = machine.plan.clearances[joint.name].radial
+        unit, scale = for_people('m', 10.0 * radial)
         yield Control(
-            f'joints.{joint.name}.clearance.radial', f'Clearance of {_words(joint.name)}',
-            'mm', 0.1 * radial, 10.0 * radial, 0.0, radial, 'restart', 1e3, quantity='m',
-            logarithmic=True,
+            f'joints.{joint.name}.clearance.radial', f'Clearance of {joint.name}',
+            unit, 0.1 * scale * radial, 10.0 * scale * radial, 0.0, scale * radial, 'restart',
+            scale, quantity='m', logarithmic=True,
         )  # fmt: skip
     for name, play in machine.plan.rigid.items():
         path = _path_of_restitution(machine, name)
         if play.contact is None and path:
             yield Control(
-                path, f'Restitution of {_words(name)}', '', 0.0, 1.0, 0.01, play.restitution,
+                path, f'Restitution of {name}', '', 0.0, 1.0, 0.01, play.restitution,
                 'now', owner=integrator_of(machine),
                 parameter=f'joints.{name}.clearance.restitution',
             )  # fmt: skip
@@ -106,14 +107,15 @@ def _drive(machine: Machine) -> Iterator[Control]:
     if not isinstance(law, DriveLaw):
         now = law.coefficients[0]
         if now:
-            unit, most = 'N' if straight else 'N m', 3.0 * abs(now)
-            what = 'Force' if straight else 'Torque'
+            what, unit = ('Force', 'N') if straight else ('Torque', 'N m')
+            unit, scale = for_people(unit, 3.0 * abs(now))
+            most = 3.0 * scale * abs(now)
             yield Control(
-                'effort', f'{what} of {_words(machine.plan.main)}', unit, -most, most,
-                most / 300.0, now, 'now', parameter='effort',
+                'effort', f'{what} of {machine.plan.main}', unit, -most, most,
+                most / 300.0, scale * now, 'now', scale, parameter='effort',
             )  # fmt: skip
         return
-    label = f'Speed of {_words(machine.plan.main)}'
+    label = f'Speed of {machine.plan.main}'
     now = machine.drive.start[1]
     if commands:
         most = RPM * commands.fastest
@@ -122,7 +124,7 @@ def _drive(machine: Machine) -> Iterator[Control]:
             parameter='velocity',
         )  # fmt: skip
     elif now and given and given.speed is not None and machine.drive.steady:
-        scale, unit, quantity = (1e3, 'mm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
+        scale, unit, quantity = (1.0, 'm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
         low, high = sorted((0.1 * scale * now, 3.0 * scale * now))
         yield Control(
             f'{drive_key(machine.plan, main)}.speed', label, unit, low, high,
@@ -137,7 +139,3 @@ def _path_of_restitution(machine: Machine, name: str) -> str:
         if getattr(getattr(joint, part, None), 'restitution', None) is not None:
             return f'joints.{name}.{part}.restitution'
     return ''
-
-
-def _words(name: str) -> str:
-    return name.replace('_', ' ')

@@ -87,8 +87,7 @@ def _series(record: Record, quantity: str) -> Series:
     if quantity in record.machine.scene.sensors:
         signal = measured(record.machine, record.history, quantity)
         t, x = np.concatenate(signal.times), np.concatenate(signal.runs)
-        words = quantity.replace('_', ' ')
-        return Series(quantity, signal.unit, t, x, words=words).within(record.start, record.end)
+        return Series(quantity, signal.unit, t, x, words=quantity).within(record.start, record.end)
     (series,) = drawn(record.piece, [quantity], record.start, record.end)
     if series.unit == 'm':  # closed contacts have rounding errors only
         rounding = np.abs(series.values) < _NOTHING * record.machine.mechanism.size
@@ -126,10 +125,12 @@ def bifurcation_page(
     title = found.machine.scene.title
     text = 'Choose a point, or a value with the slider: the machine above moves as it does there.'
     chart = responses.chart(found, title, branches)
-    label = found.parameter.path.replace('_', ' ').replace('.', ' ')
     own = [x for x in found.plan.of if not found.plan.joint]
     return family_page(
-        label, members, own, [ChartSection('responses', 'Responses', text, (chart,))]
+        found.parameter.path,
+        members,
+        own,
+        [ChartSection('responses', 'Responses', text, (chart,))],
     )
 
 

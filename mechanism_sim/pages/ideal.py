@@ -27,6 +27,7 @@ from mechanism_sim.pages.ideal_sliders import SliderReader, curves_of, four_bar_
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law
 from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.load import without_clearance
+from mechanism_sim.units import for_people
 
 MODULES = (
     'html', 'svg', 'stage', 'player', 'curves', 'keys', 'sliders', 'zoom', 'ideal_motion', 'ideal',
@@ -221,6 +222,7 @@ class PageDrive:
             'laws': self._laws if self._timed else [],
             'main': self._plan.main,
             'slides': self._slides,
+            'length': for_people('m', mechanism.size),  # unit, and how many of it a metre is
         }
 
 

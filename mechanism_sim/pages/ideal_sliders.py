@@ -48,11 +48,11 @@ class Slider:
 
     def to_json(self) -> dict[str, Any]:
         """Description for a page, with what `Control.to_json` has."""
-        unit, scale = for_people(self.unit)
+        unit, scale = for_people(self.unit, max(abs(self.low), abs(self.high)))
         words = [word for word in self.path.split('.') if word not in ('links', 'points')]
         low, high, value = scale * self.low, scale * self.high, scale * self.value
         return {
-            'path': self.path, 'label': ' '.join(words).replace('_', ' '), 'unit': typeset(unit),
+            'path': self.path, 'label': '.'.join(words), 'unit': typeset(unit),
             'low': low, 'high': high, 'value': value, 'step': (high - low) / 1000.0,
             'si': self.value, 'scale': scale, 'effect': 'now', 'logarithmic': False,
             'change': {name: x.tolist() for name, x in self.change.items() if x.any()},

@@ -123,6 +123,5 @@ def explore(
         machine = load_scene(scene, {path: value})
         solution = simulate(machine, revolutions=revolutions, duration=duration)
         members.append(Member(str(value), Record(machine, solution, {})))
-    label = path.replace('_', ' ').replace('.', ' ')
-    page = family_page(label, members, [catalogue(machine).find(quantity).name])
+    page = family_page(path, members, [catalogue(machine).find(quantity).name])
     return Player(page, height, members[0].record.machine.scene.title)

@@ -87,7 +87,7 @@ def page(
         facts=[] if beside else _facts(run, source, digest),
         sections=parts,
         heights={key: drawn['layout']['height'] for key, drawn in charts.items()},
-        bearings=[name.replace('_', ' ') for name in bearings],
+        bearings=bearings,
         names=beside.names if beside else (),
         scenes=_scenes(beside) if beside else (),
         differences=_rows(beside) if beside else (),

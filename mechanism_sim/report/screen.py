@@ -169,7 +169,7 @@ class Screen:
 
         def show(i: int) -> None:
             where = f'{scale * drive[i]:.1f} {unit}' if record.slides else f'{degrees[i]:.0f}°'
-            name = record.machine.plan.main.replace('_', ' ')
+            name = record.machine.plan.main
             text.set_text(f't = {self._t[i]:.4f} s    {name} {where}')
 
         return show

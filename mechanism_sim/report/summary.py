@@ -285,7 +285,7 @@ def _turns_of(record: Record) -> str:
     passed = np.diff(record.turned(marks))
     if not passed.sum() > 0.999 * np.abs(passed).sum():  # oscillation or translation: nan
         return ''
-    turns, drive = f'{passed.sum():.6g}', record.machine.plan.main.replace('_', ' ')
+    turns, drive = f'{passed.sum():.6g}', record.machine.plan.main
     return f'{turns} turn{"" if turns == "1" else "s"} of {drive}'
 
 

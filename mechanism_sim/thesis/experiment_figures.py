@@ -22,16 +22,16 @@ from mechanism_sim.thesis.experiment import (
     Interval,
     Repeats,
     Trial,
-    mm,
     rpm,
 )
 from mechanism_sim.thesis.swing import LINKS
+from mechanism_sim.units import written
 
 # number of the colour, or colour, and number of the dashes
 _STROKES: dict[str, tuple[int | str, int]] = {'measured': (3, 0), 'no clearance': (INK, 1)}
 _LOOKS = dict.fromkeys(('simulated', 'simulated, modified', 'modified'), 'fine')
 _ARROW = np.array([0.0, 1.0, 0.9 + 0.04j, np.nan, 1.0, 0.9 - 0.04j])
-_DOMINANT = 3
+_DOMINANT, _LONGEST = 3, 0.26  # impacts, and the arrow of the largest, as a share of the frame
 
 
 class _Row(NamedTuple):
@@ -82,7 +82,7 @@ def _numbered(found: Experiment) -> Iterator[tuple[str, Chart]]:
     ):  # fmt: skip
         chosen = [places[s, clearance] for s in speeds if (s, clearance) in places]
         yield number, _measured(chosen, 'coupler', 'acceleration')
-    yield '7_10', _severity(found, 1, 1e3, 'clearance', 'mm')
+    yield '7_10', _severity(found, 1, 1.0, 'clearance', 'm')
     yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank', 'rpm')
     half = min(found.bearings, key=_unlike_chapter_8).first
     shown = [(_ROWS['acceleration', 'coupler'], half.first.rows[0])]
@@ -146,19 +146,19 @@ def _panel(row: _Row, lines: Sequence[tuple[str, Array, Array]], title: str = ''
 def _severity(found: Experiment, over: int, scale: float, words: str, unit: str) -> Chart:
     """[SB] 7.10 and 7.11: over clearance (1) or speed (0), with a line per value of the other."""
     others = found.clearances if over == 0 else found.speeds
-    reads: list[tuple[str, str, float, Callable[[Repeats], Interval]]] = [
-        ('impulses a turn', 'mN s', 1e3, lambda x: x.impacts('impulse')),
-        ('impacts a turn', '', 1.0, lambda x: x.impacts('count')),
-        ('impulse per impact', 'mN s', 1e3, lambda x: x.impacts('I_n')),
-        ('deviation, coupler', 'rad/s^2', 1.0, lambda x: x.shown()),
+    reads: list[tuple[str, str, Callable[[Repeats], Interval]]] = [
+        ('impulses a turn', 'N s', lambda x: x.impacts('impulse')),
+        ('impacts a turn', '', lambda x: x.impacts('count')),
+        ('impulse per impact', 'N s', lambda x: x.impacts('I_n')),
+        ('deviation, coupler', 'rad/s^2', lambda x: x.shown()),
     ]
     panels: list[Panel] = []
-    for label, of, size, read in reads:
+    for label, of, read in reads:
         curves = []
         for k, other in enumerate(others):
             here = {at[over]: t for at, t in found.measured.items() if at[1 - over] == other}
-            name = f'{rpm(other)} rpm' if over else f'{mm(other)} mm'
-            y, half = size * np.array([read(group) for group in here.values()]).T
+            name = f'{rpm(other)} rpm' if over else written(other, 'm')
+            y, half = np.array([read(group) for group in here.values()]).T
             curves.append(
                 ChartCurve(
                     scale * np.array([*here]), y, '' if panels else name, '', k, k,
@@ -211,13 +211,12 @@ def _dominant(trial: Trial) -> Chart:
         th3, _ = links.positions(th2)
         crank = links.crank * np.exp(1j * th2[0])
         pin = crank + links.coupler * np.exp(1j * th3[0])
-        bars = 1e3 * np.array([0.0, crank, pin, links.ground])
-        label = (
-            f'Y{k + 1}: {1e3 * rose.normal_impulse[i]:.3g} mN s at {math.degrees(th2[0]):.0f} deg'
-        )
+        bars = np.array([0.0, crank, pin, links.ground])
+        impulse = written(rose.normal_impulse[i], 'N s', 3)
+        label = f'Y{k + 1}: {impulse} at {math.degrees(th2[0]):.0f} deg'
         curves.append(ChartCurve(bars.real, bars.imag, label, '', k, k, marker='circle'))
-        size = 100.0 * rose.normal_impulse[i] / longest
-        arrow = 1e3 * pin + size * np.exp(1j * rose.in_world[i]) * _ARROW
+        size = _LONGEST * links.ground * rose.normal_impulse[i] / longest
+        arrow = pin + size * np.exp(1j * rose.in_world[i]) * _ARROW
         curves.append(ChartCurve(arrow.real, arrow.imag, colour=k, look='strong'))
-    panel = Panel(Axis('x', 'mm'), Axis('y', 'mm'), tuple(curves), form='equal', height=3.6)
+    panel = Panel(Axis('x', 'm'), Axis('y', 'm'), tuple(curves), form='equal', height=3.6)
     return Chart('8_12', f'dominant impacts of a turn, {trial.condition}', (panel,), width=7.0)

@@ -340,6 +340,26 @@ def test_a_joint_that_is_dragged_to_the_other_side_stays_on_its_branch():
     assert 'branch: crossed' in page.text
 
 
+@pytest.mark.parametrize('tool', ['motor', 'drive'])
+def test_a_four_bar_that_is_written_out_has_no_branch(tool):
+    """Its guesses say how it is assembled: no other kind of mechanism has that key."""
+    page = Page('four_bar_clearance')
+    (x, y), (u, v) = page.at('crank_coupler'), page.at('coupler_rocker')
+    page.draw(tool, (0.5 * (x + u), 0.5 * (y + v), 'coupler/'))
+    content = page.session.document.content()
+    assert content['mechanism'] == 'linkage'
+    assert 'branch' not in content
+    assert 'unknown key' not in page.state['problem']
+
+
+def test_masses_of_links_that_have_them_are_refused_in_a_sentence():
+    page = Page('four_bar_clearance')
+    before = page.text
+    page.draw('masses', (0.0, 0.0, ''))
+    assert page.said == ['every link has a mass already']
+    assert page.text == before
+
+
 def four_bar() -> Page:
     """A four-bar drawn from nothing."""
     page = Page()
@@ -1029,6 +1049,19 @@ def test_a_chart_over_the_turn_follows_the_drag():
     assert np.ptp(longer['values']) == pytest.approx(2.4e3 * crank, rel=1e-3)
     page.ask('chart', quantity='nothing')
     assert page.state['chart'] is None
+
+
+def test_a_chart_of_a_micromachine_is_in_micrometres():
+    page = Page()
+    sides = {'ground': '3.87 um', 'coupler': '3.09 um', 'rocker': '3.12 um'}
+    links = ', '.join(f'{name}: {{length: {size}}}' for name, size in sides.items())
+    links += ', crank: {length: 0.64 um, points: {tip: [0.64 um, 0]}}'
+    text = f'mechanism: four_bar\nlinks: {{{links}}}\ndrive: {{speed: 60 rpm}}\n'
+    page.ask('text', text=text)
+    page.ask('chart', quantity='crank.tip: x')
+    chart = page.state['chart']
+    assert chart['unit'] == 'µm'
+    assert np.ptp(chart['values']) == pytest.approx(1.28, rel=1e-3)
 
 
 @pytest.mark.sample(3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from pathlib import Path
 
@@ -520,6 +521,43 @@ def test_it_fits_windows_of_every_size_by_day_and_night(browser, tmp_path, monke
                 hand.tab.shoot(f'edit_{width}_{scheme}')
                 clean(hand)
                 context.close()
+
+
+@pytest.mark.slow
+def test_the_machine_is_drawn_where_it_is_grabbed(tab, tmp_path, monkeypatch):
+    """Origins of links lie in their knobs, in every size of the window, zoomed and after a run."""
+    origins = """Object.fromEntries([...document.querySelectorAll(
+        '#stage .machine g[data-kind=link]')].map((g) => [g.dataset.link, g.getScreenCTM()])
+        .map(([link, { e, f }]) => [link, [e, f]]))"""
+    knobs = """Object.fromEntries([...document.querySelectorAll('.knob')].map((x) =>
+        [x.dataset.handle, x.getBoundingClientRect()])
+        .map(([key, { x, y, width, height }]) => [key, [x + width / 2, y + height / 2]]))"""
+    monkeypatch.chdir(tmp_path)
+    with editing('four_bar_clearance') as address:
+        hand = Hand(tab, address)
+
+        def apart():
+            hand.page.evaluate(
+                'new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))'
+            )
+            drawn, grabbed = hand.page.evaluate(origins), hand.page.evaluate(knobs)
+            return max(
+                math.dist(drawn[link], grabbed[key])
+                for link, key in (('crank', 'ground_crank'), ('coupler', 'crank_coupler'))
+            )
+
+        for width, height in ((1440, 900), (390, 844), (900, 600)):
+            hand.page.set_viewport_size({'width': width, 'height': height})
+            assert apart() < 1.0, (width, height)
+        hand.page.locator('#in').click()
+        assert apart() < 1.0
+        hand.ran()
+        hand.page.locator('#play').click()
+        hand.page.keyboard.press('Escape')
+        hand.page.set_viewport_size({'width': 1000, 'height': 700})
+        assert apart() < 1.0
+        hand.page.locator('#fit').click()
+        assert apart() < 1.0
 
 
 def test_nobody_gets_in_without_the_key_or_from_another_site(tmp_path, monkeypatch):

@@ -133,3 +133,33 @@ def test_pages_are_html_and_of_one_key():
         done = run('bifurcation', 'four_bar_clearance', *args)
         assert done.returncode == 2
         assert said in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.slow
+def test_another_run_is_shown_whole_or_enlarged_as_the_one_before(tab, tmp_path):
+    """Symbols are larger on a larger machine, and so are the units of its drawing."""
+    file = tmp_path / 'cranks.html'
+    path = 'links.crank.length'
+    page = ms.explore('four_bar_clearance', path, ['20 mm', '75 mm'], 'gap.coupler_rocker').page
+    file.write_text(page, encoding='utf-8')
+    open_page(tab, file)
+    stage = tab.page.locator('#stage')
+    whole = []
+    for member in (0, 1, 0):
+        chosen(tab.page, member)
+        assert 'zoomed' not in stage.get_attribute('class')
+        whole.append(stage.get_attribute('viewBox'))
+    assert whole[0] == whole[2] != whole[1]
+    box = stage.bounding_box()
+    tab.page.mouse.move(box['x'] + 0.5 * box['width'], box['y'] + 0.5 * box['height'])
+    tab.page.mouse.wheel(0.0, -800.0)
+    pixels = []
+    for member in (0, 1, 0):
+        chosen(tab.page, member)
+        assert 'zoomed' in stage.get_attribute('class')
+        # of the same length in the world, as of the ground, which does not change
+        pixels.append(tab.page.evaluate(
+            """() => { const [a, b] = [...document.querySelectorAll(
+                '#stage [data-kind=support]')].slice(0, 2).map(x => x.getBoundingClientRect());
+                return Math.hypot(b.left - a.left, b.bottom - a.bottom); }"""))  # fmt: skip
+    assert pixels == pytest.approx([pixels[0]] * 3, rel=0.03)

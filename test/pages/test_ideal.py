@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browsing import Tab, boxes, open_page, overlapping, violations
+from builders import made
 from running import TIMEOUT, run
 
 import mechanism_sim as ms
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import classify, crank_limits, crank_turns
-from mechanism_sim.pages import ideal
+from mechanism_sim.pages import ideal, ideal_sliders
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.plan import ScenePlan
 
@@ -47,6 +48,7 @@ SMOOTH = (
     'toggle_press', 'eccentric_cam', 'double_toggle_punch', 'punch', 'locking_pliers',
 )  # fmt: skip
 DIGITS = 1e-12
+UNITS = {'µm': 1e6, 'mm': 1e3, 'm': 1.0}
 BLIND = 1e-3  # independence of closures, below which rounding grows
 
 
@@ -131,6 +133,21 @@ def off(page: Page, values: dict[str, float], seen: dict) -> list[float]:
         apart(a, bends, fast**2),
         max(places),
     ]
+
+
+@pytest.mark.parametrize(('times', 'unit'), [(1.0, 'mm'), (1e-5, 'µm'), (100.0, 'm')])
+def test_lengths_are_in_the_unit_of_the_machine(times, unit):
+    sides = {'ground': 387.0, 'crank': 64.0, 'coupler': 309.0, 'rocker': 312.0}
+    machine = made({
+        'mechanism': 'four_bar',
+        'links': {name: {'length': 1e-3 * times * x} for name, x in sides.items()},
+        'drive': {'speed': '60 rpm'},
+    })  # fmt: skip
+    assert ideal.PageDrive(machine).to_json()['length'] == (unit, UNITS[unit])
+    length = times * 64e-3
+    told = ideal_sliders.Slider('x', length, 0.4 * length, 1.6 * length, 'm', {}).to_json()
+    assert (told['unit'], told['scale']) == (unit, UNITS[unit])
+    assert told['value'] == pytest.approx(length * UNITS[unit])
 
 
 @pytest.mark.slow

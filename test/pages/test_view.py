@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import PLAY
+from builders import PLAY, weightless
 from live_pages import Acted, data, motion_messages, unpacked
 from middleware_network import PATIENCE, eventually
 from running import command, run
@@ -351,11 +351,30 @@ def test_every_control_is_in_its_limits_and_what_it_sets_is_a_value_of_the_scene
     machine = ms.load_scene(scene)
     found = controls(machine)
     assert found.keys() == paths | {'realtime_factor'}
+    names = {*machine.plan.clearances, machine.plan.main}
     for path in paths:
         control = found[path]
+        assert control.label.rpartition(' of ')[2] in names  # as the scene has them
         assert control.low <= control.value <= control.high
         changed = controls(ms.load_scene(scene, [control.override(control.high)]))[path]
         assert changed.value == pytest.approx(control.high)
+
+
+def test_sliders_are_in_the_units_of_what_they_reach():
+    """Clearances of micromachines in µm, large torques in kN m, and what is set is as shown."""
+    fine = controls(ms.load_scene(SCENE, {f'{PLAY}.radial': '0.8 um'}))[f'{PLAY}.radial']
+    assert fine.unit == 'µm'
+    assert (fine.low, fine.value, fine.high) == pytest.approx((0.08, 0.8, 8.0))
+    assert fine.override(2.0) == f'{PLAY}.radial=2e-06 m'
+    wheel = {'points': {'rim': ['1 m', 0]}, 'mass': 1000, 'inertia': 500}
+    parts = {
+        'links': {'wheel': wheel},
+        'joints': {'shaft': {'revolute': ['ground', 'wheel']}},
+        'drive': {'coordinate': 'wheel', 'torque': '5 kN m'},
+    }
+    strong = controls(weightless(**parts))['effort']
+    assert (strong.unit, strong.value, strong.high) == ('kN m', 5.0, 15.0)
+    assert strong.si(strong.low) == -15e3
 
 
 def test_what_a_control_sets_has_no_rounding_of_its_unit():
@@ -585,7 +604,7 @@ def test_every_play_has_its_lens_in_the_live_view(acted):
     frames = {name: unpacked(packed) for name, packed in run.batch['frames'].items()}
     for name in names:
         run.page.select_option('#bearing', name)
-        run.page.locator('#lens .title', has_text=name.replace('_', ' ')).wait_for()
+        run.page.locator('#lens .title', has_text=name).wait_for()
         assert run.page.locator('#stage .callout').bounding_box()['height'] > 10
         if name in [play['joint'] for play in told['plays']]:
             (k,) = [k for k, play in enumerate(told['plays']) if play['joint'] == name]

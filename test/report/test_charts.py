@@ -25,6 +25,7 @@ from mechanism_sim.report.charts import bands, impacts
 from mechanism_sim.report.charts import charted_run as charted_run_module
 from mechanism_sim.report.charts.chart import TIME, Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.charts.charted_run import ChartedRun
+from mechanism_sim.report.charts.curves import quantities
 from mechanism_sim.report.charts.thinning import MOST, SampledLine, thin, thinned
 
 JOINT = 'coupler_rocker'
@@ -208,6 +209,20 @@ def test_thinned_lines_keep_the_extremes_of_every_bin(data):
 def test_a_line_that_is_short_stays_as_it_is():
     line = SampledLine(np.arange(5.0), np.arange(5.0))
     assert thin(line) is line
+
+
+def test_a_line_of_turns_that_cannot_be_told_apart_says_what_is_drawn(loose, monkeypatch):
+    """Else a block looks like a signal: here each extreme is of half a turn."""
+    assert ChartedRun(loose).whole == 'the whole run'
+    monkeypatch.setattr(charted_run_module, 'MOST', 2 * 20)
+    charted = ChartedRun(loose)
+    words = f'the whole run: least and largest of each {1e3 * 0.5 / loose.rate:.3g} ms'
+    assert [when for _, when, _ in charted.windows('gap')] == ['the last turns', words]
+    name = 'reaction.coupler_rocker.size'
+    found = quantities(charted, 'force', 'Force', [name], run=True)
+    assert [chart.title for chart in found] == ['Force', f'Force over {words}']
+    stems = impacts.impacts(charted, 0).charts[1]
+    assert stems.title == 'Impacts in the whole run'  # of which the hardest are drawn
 
 
 def test_there_is_a_stem_for_every_impact(loose, charts):

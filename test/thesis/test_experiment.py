@@ -7,6 +7,7 @@ import math
 import re
 import runpy
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.deviation import alpha, deviation
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.report.charts.chart import Axis, Chart, Panel
 from mechanism_sim.scene import Level
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
@@ -529,6 +531,28 @@ def test_figures_are_those_of_the_thesis(found):
         for n in ('7_08', '7_09', '7_10', '7_11', '7_12', '7_13', '7_14', '7_15', '7_16', '7_17',
                   '8_01', '8_02', '8_03', '8_04', '8_06', '8_08', '8_11', '8_12')
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(('times', 'unit'), [(1.0, 'mm'), (1e-5, 'µm'), (100.0, 'm')])
+def test_dominant_impacts_are_drawn_alike_on_machines_of_every_size(times, unit):
+    """An arrow was 100 mm long, and lengths in mm, whatever the machine."""
+    links = FourBar(*(times * x for x in (0.387, 0.064, 0.309, 0.312)))
+    one = np.array([1.0])
+    impact = {'normal_impulse': 0.03 * one, 'crank_angle': 0.4 * one, 'in_world': 2.0 * one}
+    trial = SimpleNamespace(
+        rose=SimpleNamespace(**impact, largest=np.array([0])),
+        impacts=SimpleNamespace(dominant=[]),
+        machine=SimpleNamespace(nominal=SimpleNamespace(linkage=links)),
+        condition='',
+    )
+    chart = experiment_figures._dominant(trial).readable()
+    bars, arrow = chart.panels[0].curves
+    assert chart.panels[0].x.unit == chart.panels[0].y.unit == unit
+    assert bars.label == 'Y1: 30 mN s at 23 deg'
+    frame = math.hypot(bars.x[-1] - bars.x[0], bars.y[-1] - bars.y[0])
+    assert math.hypot(arrow.x[1] - arrow.x[0], arrow.y[1] - arrow.y[0]) / frame == pytest.approx(
+        100.0 / 387.0, rel=0.01
+    )  # of the thesis
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-import { Stage, words } from 'stage';
+import { Stage } from 'stage';
 import { add, arrow, carried, line } from 'svg';
 
 const NEAR = 14; // [pixels] within which a handle is caught
@@ -89,7 +89,7 @@ export class Canvas {
   /** Draws a machine, and where it is. */
   show(stage, frame) {
     this.machine = stage;
-    this.stage = new Stage(this.svg, { ...stage, bounds: [0, 0, 1, 1].map((x) => x * stage.symbol) });
+    this.stage = new Stage(this.svg, { ...stage, scale: null, bounds: [0, 0, 1, 1].map((x) => x * stage.symbol) });
     this.frame = { forces: [], pins: [], impacts: [], ...frame };
     this.#look();
   }
@@ -181,8 +181,8 @@ export class Canvas {
       const own = handle.joint ? this.chosen?.[0] === 'joints' && this.chosen[1] === handle.key : false;
       const knob = add(this.knobs, 'circle', { class: `knob ${kind}${own ? ' chosen' : ''}`,
         cx: x.toFixed(2), cy: y.toFixed(2), r: 8, tabindex: 0, role: 'button',
-        'data-handle': handle.key, 'aria-label': `${kind === 'free' ? 'point' : kind} ${words(handle.key)}` });
-      add(knob, 'title').textContent = words(handle.members.join(', '));
+        'data-handle': handle.key, 'aria-label': `${kind === 'free' ? 'point' : kind} ${handle.key}` });
+      add(knob, 'title').textContent = handle.members.join(', ');
       knob.addEventListener('keydown', (event) => this.#key(event, handle));
       if (handle.key === focused) knob.focus();
     }
@@ -201,8 +201,8 @@ export class Canvas {
       mark.seen = [x + 19 + 21 * row, y - 19];
       const name = mark.path.join('.');
       const group = add(this.signs, 'g', { class: `sign${this.chosen?.join('.') === name ? ' chosen' : ''}`,
-        'data-mark': name, tabindex: 0, role: 'button', 'aria-label': words(mark.path.join(' ')) });
-      add(group, 'title').textContent = words(mark.path[1]);
+        'data-mark': name, tabindex: 0, role: 'button', 'aria-label': name });
+      add(group, 'title').textContent = mark.path[1] ?? name;
       if (mark.arrow) add(group, 'path', { class: 'load', d: arrow([x, y], this.#tip(mark, [x, y]), 3) });
       const [sx, sy] = mark.seen;
       add(group, 'path', { class: 'lead', d: line([[x, y], row ? [sx - 12, sy] : [sx - 7, sy + 7]]) });

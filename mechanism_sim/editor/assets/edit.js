@@ -137,7 +137,7 @@ function show(news) {
   flying = false;
   canvas.stretch(null);
   by('hint').textContent = TOOLS.get(canvas.tool).hint;
-  by('title').textContent = words(news.stage.title);
+  by('title').textContent = news.stage.title;
   document.title = `${news.changed ? '• ' : ''}${news.name}: editor`;
   if (document.activeElement !== by('file')) by('file').value = news.file || `${news.name}.yaml`;
   by('save').classList.toggle('changed', news.changed);
@@ -148,7 +148,7 @@ function show(news) {
   draw(news);
   fields.show(news, news.stage.colours);
   by('quantity').replaceChildren(new Option(news.quantities.length ? 'choose …' : 'nothing moves', ''),
-    ...news.quantities.map((name) => new Option(words(name), name, false, name === news.chart?.name)));
+    ...news.quantities.map((name) => new Option(name, name, false, name === news.chart?.name)));
   chart(news.chart);
   if (other && fitted !== news.name) fit();
   fitted = news.name;
@@ -210,7 +210,8 @@ function chart(now) {
   curves = null;
   if (!now || by('chart').hidden) return;
   const run = ({ at, values }) => (at[0] > at.at(-1) ? { at: at.toReversed(), values: values.toReversed() } : { at, values });
-  const before = state.chart?.name === now.name ? state.chart : now;
+  const alike = ['name', 'unit', 'along'].every((key) => state.chart?.[key] === now[key]);
+  const before = alike ? state.chart : now;
   curves = { at: now.at, drawn: new Curves(by('curves'), { ...now, every: now.along.endsWith('[°]') ? 60 : 0, runs: [run(before), run(now)] }) };
   curves.drawn.choose(1);
   curves.drawn.show(now.at[0]);
@@ -254,7 +255,7 @@ function forget() {
 function checked({ data, number }) {
   if (number !== state.number) return;
   const driven = Object.entries(data.coordinates).filter(([, what]) => /prescribed|moved|^free$/.test(what));
-  tell([data.level, ...driven.map(([c, what]) => `${words(c)} ${what}`)].join('; '));
+  tell([data.level, ...driven.map(([c, what]) => `${c} ${what}`)].join('; '));
   const list = (title, items) => (items.length
     ? [html('h3', {}, title), html('ul', {}, ...items.map((x) => html('li', {}, x)))] : []);
   by('run').replaceChildren(
@@ -296,7 +297,7 @@ function ran({ data, number }) {
     const head = html('tr', {}, html('th', { colspan: 3 }, html('h3', {}, titles[what])));
     const shown = value === null ? 'without limit' : unit ? quantity(value, unit) : value;
     const at = t === null ? '' : `at ${quantity(Math.abs(t) < 1e-9 * data.end ? 0 : t, 's')}`;
-    const row = html('tr', { 'data-figure': what }, html('th', {}, words(name) || 'in all'),
+    const row = html('tr', { 'data-figure': what }, html('th', {}, name || 'in all'),
       html('td', {}, shown), html('td', {}, at));
     return what === data.figures[k - 1]?.[0] ? [row] : [head, row];
   });

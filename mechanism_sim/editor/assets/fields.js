@@ -55,7 +55,7 @@ export class Fields {
       const chips = parts.map((part) => {
         const wrong = place.length > 0 && part.every((x, i) => place[i] === x);
         const chip = html('button', { type: 'button', 'data-path': part.join('.'),
-          class: `${same(part, path) ? 'chosen' : ''}${wrong ? ' wrong' : ''}` }, words(part.at(-1)));
+          class: `${same(part, path) ? 'chosen' : ''}${wrong ? ' wrong' : ''}` }, part.at(-1));
         if (name === 'links' && part[1] in colours) chip.style.setProperty('--link', `var(--link-${colours[part[1]]})`);
         chip.addEventListener('click', () => this.ask({ type: 'select', path: part }));
         return chip;
@@ -66,7 +66,7 @@ export class Fields {
 
   /** The name of a part, and what can be done with all of it. */
   #head({ path, name, tracks }) {
-    if (!path.length) return [html('h2', {}, words(name))];
+    if (!path.length) return [html('h2', {}, name)];
     const last = path.at(-1);
     const title = html('input', { name: 'rename', value: last, class: 'name', spellcheck: 'false',
       'aria-label': `name of ${path.join('.')}` });
@@ -79,7 +79,7 @@ export class Fields {
     const boxes = tracks.map(([point, on]) => {
       const box = html('input', { type: 'checkbox', 'data-track': point, ...(on ? { checked: '' } : {}) });
       box.addEventListener('change', () => this.ask({ type: 'trace', point }));
-      return html('label', {}, box, ` ${words(point.split('.')[1])}`);
+      return html('label', {}, box, ` ${point.split('.')[1]}`);
     });
     return [head, html('div', { class: 'tracks' }, 'paths of', ...boxes)];
   }

@@ -1,5 +1,4 @@
 import { html } from 'html';
-import { words } from 'stage';
 import { quantity } from 'svg';
 
 const [LEAST, MOST] = [1e-5, 3e-3]; // [m] of radial clearance that the slider reaches
@@ -18,7 +17,7 @@ export class Wear {
     if (!names.length) return;
     if (!names.includes(this.joint)) Object.assign(this, { joint: names.find((name) => pins[name]) ?? names.at(-1), radial: 0 });
     this.choice = html('select', { id: 'wear-joint', 'aria-label': 'pin that wears' },
-      ...names.map((name) => new Option(words(name), name, false, name === this.joint)));
+      ...names.map((name) => new Option(name, name, false, name === this.joint)));
     const now = this.radial || pins[this.joint] || LEAST;
     this.slider = html('input', { type: 'range', id: 'wear-radial', min: Math.log(LEAST), max: Math.log(MOST),
       step: 'any', value: Math.log(now), 'aria-label': 'radial clearance after wear' });
@@ -53,7 +52,7 @@ export class Wear {
       const was = old.get(key(figure))?.[2];
       const ratio = was && value !== null ? `× ${Number((value / was).toPrecision(3))}` : '';
       const cells = [was === undefined ? '–' : shown(was, unit), shown(value, unit), ratio];
-      return html('tr', { 'data-worn': key(figure) }, html('th', {}, `${TITLES[what]} ${words(name)}`.trim()),
+      return html('tr', { 'data-worn': key(figure) }, html('th', {}, `${TITLES[what]} ${name}`.trim()),
         ...cells.map((text) => html('td', {}, String(text))));
     });
     const heads = ['', 'before', `${quantity(radial, 'm')}`, ''].map((text) => html('th', {}, text));

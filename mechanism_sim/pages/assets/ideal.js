@@ -5,7 +5,7 @@ import { IdealMotion, pointOf } from 'ideal_motion';
 import { keys } from 'keys';
 import { Player, showPlaying } from 'player';
 import { Sliders } from 'sliders';
-import { Stage, words } from 'stage';
+import { Stage } from 'stage';
 import { onResize, quantity, step } from 'svg';
 import { zoomable } from 'zoom';
 
@@ -20,11 +20,12 @@ const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
 const timed = data.laws.length > 0;
 const backwards = data.speed < 0;
-const drive = words(data.main);
+const drive = data.main;
+const [LENGTH, METRE] = data.length;
 const shift = data.turns && data.low > Math.PI ? TURN : 0; // angles are written from -180° on
-const across = (u) => (timed ? u : data.slides ? 1000 * u : DEGREES * (u - shift));
-const axis = timed ? 'time [s]' : `${drive} [${data.slides ? 'mm' : '°'}]`;
-const written = (u) => (timed ? `${u.toFixed(2)} s` : `${across(u).toFixed(1)}${data.slides ? ' mm' : '°'}`);
+const across = (u) => (timed ? u : data.slides ? METRE * u : DEGREES * (u - shift));
+const axis = timed ? 'time [s]' : `${drive} [${data.slides ? LENGTH : '°'}]`;
+const written = (u) => (timed ? `${u.toFixed(2)} s` : `${across(u).toFixed(1)}${data.slides ? ` ${LENGTH}` : '°'}`);
 const number = (x) => String(Number(x.toPrecision(4)));
 const motion = new IdealMotion(data, equations);
 const original = new IdealMotion(data, equations);
@@ -56,7 +57,7 @@ onResize(by('curves'), chart);
 document.documentElement.dataset.ready = '1';
 
 function speedControl() {
-  const [unit, scale] = data.slides ? ['mm/s', 1000] : ['rpm', RPM];
+  const [unit, scale] = data.slides ? ['m/s', 1] : ['rpm', RPM];
   const value = scale * data.speed;
   const [low, high] = [0.1 * value, 3 * value].sort((a, b) => a - b);
   return { path: '', label: `speed of ${drive}`, unit, scale, low, high, value, step: (high - low) / 1000,
@@ -99,10 +100,10 @@ function draw() {
   const made = drawing();
   const length = [5, 2, 1, 0.5].map((x) => x * 0.2 * step(made.bounds[2] - made.bounds[0]))
     .find((x) => x <= 0.2 * (made.bounds[2] - made.bounds[0]));
-  const box = stage && stage.box[2] < stage.all[2] ? stage.box : null;
+  const before = stage;
   stage = new Stage(by('stage'), { ...made, scale: { length, text: quantity(length, 'm') } });
   stage.trace(places.map(frameOf));
-  if (box) stage.look(box);
+  stage.lookAs(before);
   layers();
   chart();
   pace();
@@ -182,10 +183,10 @@ function layers() {
 function quantities() {
   const found = data.coordinates.flatMap(({ name, slides }, i) => {
     if (data.held.includes(i) && !timed) return [];
-    const label = words(name.replace('.', ' '));
+    const label = name;
     return [
-      [label, slides ? `${label}: displacement` : `${label}: angle`, slides ? 'mm' : '°',
-        ({ q }) => (slides ? 1000 : DEGREES) * q[i]],
+      [label, slides ? `${label}: displacement` : `${label}: angle`, slides ? LENGTH : '°',
+        ({ q }) => (slides ? METRE : DEGREES) * q[i]],
       [label, slides ? `${label}: velocity` : `${label}: angular velocity`, slides ? 'm/s' : 'rad/s', ({ v }) => v[i]],
       [label, slides ? `${label}: acceleration` : `${label}: angular acceleration`, slides ? 'm/s²' : 'rad/s²', ({ a }) => a[i]],
     ];
@@ -194,9 +195,9 @@ function quantities() {
   found.unshift(...found.splice(outputs, 3)); // the last link is mostly what a machine is for
   for (const [link, name] of data.points) {
     const k = data.stage.links.indexOf(link);
-    const label = words(`${link} ${name}`);
+    const label = `${link}.${name}`;
     const of = (value) => ({ poses }, machine) => value(pointOf(poses[k], machine.dimension(`point:${link}.${name}`)));
-    found.push([label, `${label}: x`, 'mm', of(([x]) => 1000 * x)], [label, `${label}: y`, 'mm', of(([, y]) => 1000 * y)],
+    found.push([label, `${label}: x`, LENGTH, of(([x]) => METRE * x)], [label, `${label}: y`, LENGTH, of(([, y]) => METRE * y)],
       [label, `${label}: speed`, 'm/s', of(([, , vx, vy]) => Math.hypot(vx, vy))],
       [label, `${label}: acceleration`, 'm/s²', of(([, , , , ax, ay]) => Math.hypot(ax, ay))]);
   }
@@ -227,11 +228,11 @@ function clipped(values) {
 function figures() {
   const found = timed ? [] : [[`${drive}, the drive`, motion.full ? 'turns fully' : `${written(motion.low)} to ${written(motion.high)}`]];
   data.coordinates.forEach(({ name, slides }, i) => {
-    if (!data.held.includes(i)) found.push([words(name.replace('.', ' ')), range(i, slides)]);
+    if (!data.held.includes(i)) found.push([name, range(i, slides)]);
   });
   if (!data.sides.length) return found;
   const ends = data.sides.map((link) => motion.dimension(`side:${link}`));
-  const lengths = ends.map(([x, y, u, v]) => 1000 * Math.hypot(u - x, v - y));
+  const lengths = ends.map(([x, y, u, v]) => METRE * Math.hypot(u - x, v - y));
   const order = [0, 1, 2, 3].sort((i, j) => lengths[i] - lengths[j]);
   const [s, p, q, l] = order.map((i) => lengths[i]);
   const equal = Math.abs(p + q - s - l) < 1e-9 * l;
@@ -243,7 +244,7 @@ function figures() {
     const [x, y, u, v] = ends[i];
     return poses[data.stage.links.indexOf(data.sides[i])][2] + Math.atan2(v - y, u - x);
   })).map(([a, b]) => DEGREES * Math.asin(Math.min(1, Math.abs(Math.sin(a - b)))));
-  found.push(['Grashof', `${number(s + l)} ${sign} ${number(p + q)} mm: ${kind}`],
+  found.push(['Grashof', `${number(s + l)} ${sign} ${number(p + q)} ${LENGTH}: ${kind}`],
     ['transmission angle', `at least ${Math.min(...between).toFixed(1)}°`]);
   return found;
 }
@@ -257,7 +258,7 @@ function range(i, slides) {
     return Math.abs(Math.abs(far) / (ways * TURN) - 1) < 1e-9 ? 'turns fully' : `turns ${number(far / (ways * TURN))} times as far`;
   }
   const [[low, at], [high, up]] = [-1, 1].map((sign) => extreme(values, sign));
-  const text = slides ? `stroke ${number(1000 * (high - low))} mm` : `swings ${number(DEGREES * (high - low))}°`;
+  const text = slides ? `stroke ${number(METRE * (high - low))} ${LENGTH}` : `swings ${number(DEGREES * (high - low))}°`;
   if (!motion.full || ways > 1.5) return text;
   const share = (((up - at) / (values.length - 1)) % 1 + 1) % 1;
   const ratio = Math.max(share, 1 - share) / Math.min(share, 1 - share);

@@ -1,6 +1,5 @@
 import { html } from 'html';
 import { add, arrow, line, onResize, quantity } from 'svg';
-import { words } from 'stage';
 
 /** Units of the drawing in a radius of the bushing, or half the space between walls. */
 const BORE = 104;
@@ -34,7 +33,7 @@ class Glass {
     const { play: share, half } = stage.lens;
     host.replaceChildren();
     const svg = add(host, 'svg', { class: 'lens', viewBox: '-132 -126 264 252', role: 'img',
-      'aria-label': `${what} of ${words(play.joint)}, magnified` });
+      'aria-label': `${what} of ${play.joint}, magnified` });
     this.svg = svg;
     this.said = play.words;
     this.room = share * BORE;
@@ -44,7 +43,7 @@ class Glass {
     const texts = ['title', 'mode', 'values', 'note'].map((kind) => html('p', { class: kind }));
     host.append(...texts);
     const [title, mode, values, said] = texts;
-    title.textContent = words(play.joint);
+    title.textContent = play.joint;
     Object.assign(this, { words: mode, values, note: said });
     const tell = () => {
       const times = (this.scale * (svg.getScreenCTM()?.a ?? 0)) / PIXELS;

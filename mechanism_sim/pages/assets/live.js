@@ -1,7 +1,7 @@
 import { keys } from 'keys';
 import { lensOf } from 'lens';
 import { showPlaying } from 'player';
-import { Stage, words } from 'stage';
+import { Stage } from 'stage';
 import { Stream } from 'stream';
 import { Strip } from 'strip';
 import { Sliders } from 'sliders';
@@ -65,10 +65,10 @@ function begin({ stage, controls }) {
   by('magnified').hidden = !loose.length;
   by('choice').hidden = loose.length < 2;
   by('arrows').hidden = !stage.joints.length;
-  by('bearing').replaceChildren(...loose.map((joint) => new Option(words(joint), joint)));
+  by('bearing').replaceChildren(...loose.map((joint) => new Option(joint, joint)));
   shown = { data: stage, stage: new Stage(by('stage'), stage), stream: new Stream(stage) };
   html.dataset.time = ''; // nothing stands anywhere yet
-  if (before?.data.scene === stage.scene) shown.stage.look(before.stage.box);
+  if (before?.data.scene === stage.scene) shown.stage.lookAs(before.stage);
   layers();
   choose(loose.includes(before?.joint) ? before.joint : loose[0]);
   sliders.show(controls);
@@ -90,7 +90,7 @@ function choose(joint) {
 /** What strips show: (part of the stream, instant) to a value, and its name and unit. */
 function strips({ main, slides, joints, force, bounds: [left, , right] }, joint) {
   const found = [[(part) => part.speed, {
-    label: `speed of ${words(main)}`, usual: 1, ...(slides ? { unit: 'm/s' }
+    label: `speed of ${main}`, usual: 1, ...(slides ? { unit: 'm/s' }
       : { unit: 'rpm', scale: 30 / Math.PI }),
   }]];
   if (!joints.length) return found;
@@ -101,7 +101,7 @@ function strips({ main, slides, joints, force, bounds: [left, , right] }, joint)
   const index = joint ? joints.findIndex(({ name }) => name === joint) : joints.length - 1;
   found.push([({ t, forces, joints: all }) => Array.from(t, (_, i) => Math.hypot(
     forces[(i * all + index) * 2], forces[(i * all + index) * 2 + 1])), {
-    label: `force in ${words(joints[index].name)}`, unit: 'N', usual: force,
+    label: `force in ${joints[index].name}`, unit: 'N', usual: force,
   }]);
   return found;
 }

@@ -3,7 +3,8 @@ import { Curves } from 'curves';
 import { keys } from 'keys';
 import { lensOf } from 'lens';
 import { Player, Recording, nearest, showPlaying } from 'player';
-import { Stage, words } from 'stage';
+import { Stage } from 'stage';
+import { quantity } from 'svg';
 import { zoomable } from 'zoom';
 
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
@@ -97,10 +98,10 @@ function become(member) {
   const share = (player.time - recording.start) / (recording.end - recording.start || 1);
   chosen = family[member];
   recording = new Recording(chosen);
-  const { box } = stage;
+  const before = stage;
   stage = new Stage(by('stage'), chosen.stage);
   stage.trace(recording.turn());
-  stage.look(box);
+  stage.lookAs(before);
   layers();
   name(member);
   ticks();
@@ -126,13 +127,13 @@ function show(frame, shown) {
   by('scrub').setAttribute('aria-valuetext', by('time').textContent);
   by('drive').textContent = drive(frame.drive);
   by('shown').textContent = `Shown at ${by('time').textContent}, ${
-    words(data.stage.main)} ${by('drive').textContent.trim()}.`;
+    data.stage.main} ${by('drive').textContent.trim()}.`;
   document.documentElement.dataset.time = frame.t;
   showPlaying(shown?.playing);
 }
 
 function drive(value) {
-  if (data.stage.slides) return `${(1000 * value).toFixed(2)} mm`;
+  if (data.stage.slides) return quantity(value, 'm');
   const degrees = (((value * 180) / Math.PI) % 360 + 360) % 360;
   return `${degrees.toFixed(1).padStart(5, '\u2007')}°`;
 }

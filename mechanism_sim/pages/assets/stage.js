@@ -44,8 +44,7 @@ export class Stage {
     this.flashes = this.#layer('impacts', Math.max(stage.bearings.length, stage.joints.length),
       'circle', { class: 'flash', r: 0 });
     stage.joints.forEach((joint, i) => {
-      add(this.arrows[i], 'title').textContent = `force of ${words(joint.first)} on ${
-        words(joint.link)} in ${words(joint.name)}`;
+      add(this.arrows[i], 'title').textContent = `force of ${joint.first} on ${joint.link} in ${joint.name}`;
     });
     onResize(svg, () => this.#measure());
     this.#measure();
@@ -57,6 +56,14 @@ export class Stage {
     this.svg.setAttribute('viewBox', box.map((x) => x.toFixed(4)).join(' '));
     this.svg.classList.toggle('zoomed', box[2] < this.all[2]);
     this.#measure();
+  }
+
+  /** Shows the part of the world that another drawing is enlarged to. @param {?Stage} other */
+  lookAs(other) {
+    if (!other || other.box[2] >= other.all[2]) return;
+    const { box: [left, top, ...size], unit, corner: [x, y] } = other;
+    const corner = this.point([x + left * unit, y - top * unit]);
+    this.look([...corner, ...size.map((far) => (far * unit) / this.unit)]);
   }
 
   /** Shows or hides a layer: 'forces', 'names' or 'impacts'. */
@@ -169,7 +176,7 @@ export class Stage {
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
   #measure() {
     const { width, height } = this.svg.getBoundingClientRect();
-    if (height > 2 * FOOT && this.box[2] >= this.all[2]) {
+    if (this.stage.scale && height > 2 * FOOT && this.box[2] >= this.all[2]) {
       const scale = Math.min(width / this.all[2], (height - FOOT) / this.height);
       this.all = [0, 0, this.all[2], this.height + FOOT / scale];
       this.box = this.all;
@@ -270,12 +277,12 @@ export class Stage {
       const path = add(group, 'path', { class: style, d: outline(style, curves) });
       if (this.stage.bendings[link]) this.elastic.push({ path, link, style, curves });
     }
-    const named = kind === 'link' ? words(label) : [words(label), words(link)].find(Boolean);
-    add(group, 'title').textContent = named;
+    add(group, 'title').textContent = label || (kind === 'link' ? '' : link);
   }
 
   /** How long things are, in the corner of what is shown and as large as ever. */
   #rule() {
+    if (!this.stage.scale) return; // it is part of another drawing
     const [left, top, width, height] = this.box;
     const times = this.all[2] / width;
     const { length, text } = this.stage.scale;
@@ -307,7 +314,7 @@ export class Stage {
     const [a, b] = outline;
     const aside = count === 2 ? [-(b[1] - a[1]), b[0] - a[0]] : null;
     const text = add(names, 'text');
-    text.textContent = words(label);
+    text.textContent = label;
     this.names.push({ text, link, at, aside: count === 1 ? [0, 0] : aside });
   }
 
@@ -365,5 +372,5 @@ function below(x) {
   return [5, 2, 1].find((times) => times * ten <= x * (1 + 1e-9)) * ten;
 }
 
-/** A name as people read it. */
-export const words = (name) => (name ?? '').replaceAll('_', ' ');
+/** A key of scenes, or a tool, as people read it; names of parts stand as the scene has them. */
+export const words = (key) => key.replaceAll('_', ' ');

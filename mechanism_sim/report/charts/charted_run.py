@@ -20,6 +20,7 @@ from mechanism_sim.report.charts.thinning import MOST, Envelope, HeldLevels, Sam
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Quantity, Shown, View
 from mechanism_sim.scene import Machine
+from mechanism_sim.units import written
 from mechanism_sim.vibration.shaken_frame import FrameMotion
 
 _SHOWN = 2  # turns of the main drive that are shown in full; of a machine that repeats one will do
@@ -27,6 +28,7 @@ _SAME = 1e-6  # [rad] or [m] of drives that follow the same law
 _BLOCK = 2**15  # places at once, but for those of a single segment
 _FEWEST = 4  # places in each
 _PER_TURN = 400  # places at least
+_TOLD_APART = 0.25  # of a turn from one extreme to the next, or less
 _LOADS = 'N', 'N m'
 
 
@@ -180,11 +182,19 @@ class ChartedRun:
         """True if the run is long enough for a chart besides that of its detail."""
         return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
 
+    @property
+    def whole(self) -> str:
+        """Words for all of it, and for what is drawn of turns that cannot be told apart."""
+        each = 2.0 * (self.run.end - self.run.start) / MOST  # as `thinned` has it
+        if not self.turns or each * abs(self.record.rate) < _TOLD_APART:
+            return 'the whole run'
+        return f'the whole run: least and largest of each {written(each, "s", 3)}'
+
     def windows(self, key: str) -> Iterator[tuple[ChartWindow, str, str]]:
         """Windows over time that are worth a chart, in words, and the key of its chart."""
         if self.long:
             yield self.detail, 'the last turns', key
-        yield self.run, 'the whole run', f'{key}-run'
+        yield self.run, self.whole, f'{key}-run'
 
     @cached_property
     def ideal(self) -> ChartWindow | None:

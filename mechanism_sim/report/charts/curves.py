@@ -30,7 +30,7 @@ def quantities(
         return []
     found = [over_drive(charted, key, title, names, joint)]
     if run and charted.turns and charted.long:
-        title = f'{title} over the whole run'
+        title = f'{title} over {charted.whole}'
         found.append(over_time(charted, f'{key}-run', title, names, joint))
     return found
 

@@ -42,7 +42,8 @@ def impacts(charted: ChartedRun, skip: int) -> ChartSection | None:
     t, charts = struck.column('t'), list[Chart]()
     for window, when, key in charted.windows('impacts'):
         if some := struck.where((window.start <= t) & (t <= window.end)):
-            charts.append(_stems(charted, some, window, f'Impacts in {when}', key))
+            title = f'Impacts in {when.partition(":")[0]}'  # of these the hardest
+            charts.append(_stems(charted, some, window, title, key))
     for joint in record.loose_joints:
         if joint in struck.names:
             rose = impact_rose(record, joint, skip)

@@ -69,7 +69,7 @@ def motion(charted: ChartedRun) -> ChartSection:
                 charts.append(over_drive(charted, key, title, names))
     speed = f'velocity.{machine.plan.main}'
     if charted.turns and charted.long and _varies(charted, speed):
-        title = f'Speed of the {machine.plan.main} over the whole run'
+        title = f'Speed of the {machine.plan.main} over {charted.whole}'
         charts.append(over_time(charted, 'motion-speed-run', title, [speed]))
     return ChartSection('motion', 'Motion', over(charted), tuple(charts))
 
