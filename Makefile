@@ -8,9 +8,9 @@ BENCH ?= all
 # compile the package from its source, a second of CPU.
 export PYTHONDONTWRITEBYTECODE =
 # uv unpacks in a third of the time of pip, which takes over where only its own settings lead to an
-# index. Modules are compiled when they are first imported: to compile all takes as long again.
+# index; it believes the certificates of the system, as pip does. Modules are compiled when they are first imported: to compile all takes as long again.
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
-UV = $(BIN)/uv pip install --quiet --python $(BIN)/python $(addprefix --default-index ,$(PIP_INDEX_URL))
+UV = UV_NATIVE_TLS=1 $(BIN)/uv pip install --quiet --python $(BIN)/python $(addprefix --default-index ,$(PIP_INDEX_URL))
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
 .PHONY: run test test-all test-lowest lint bench docs evidence install clean
