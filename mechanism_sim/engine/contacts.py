@@ -359,8 +359,10 @@ class Contacts:
             return None
         for i, (x, floor) in enumerate(zip(seen, floors, strict=False)):
             if i < len(modes) and modes[i] == 1:
-                least = max(margin, limits.bare) if state.rated[i] else margin
-                if x <= -least and seen[count + i] < 0.0 and i != seen_now:
+                rated, rate = state.rated[i], seen[count + i]
+                least = max(margin, limits.bare) if rated else margin
+                rests = not rated and x > -limits.touching and rate >= -limits.bare
+                if x <= -least and rate < 0.0 and not rests and i != seen_now:
                     return i
                 continue
             least = floor if seen_now is None else _CONTACTS.same_instant * (floor - margin)

@@ -50,8 +50,8 @@ def block(slope=0.0, push=(0.0, 0.0), feet=2, width=0.4, height=0.2, friction=0.
 @pytest.mark.parametrize(
     ('slope', 'feet'),
     [
-        pytest.param(0.0, 2, marks=pytest.mark.slow), (0.0, 3), (10.0, 2),
-        pytest.param(20.0, 4, marks=pytest.mark.slow), (30.0, 3),
+        pytest.param(0.0, 2, marks=pytest.mark.slow), (0.0, 3),
+        pytest.param(10.0, 2, marks=pytest.mark.slow), (20.0, 4), (30.0, 3),
     ],
 )  # fmt: skip
 def test_a_block_rests_on_its_feet_up_to_the_angle_of_friction(slope, feet):
@@ -63,6 +63,8 @@ def test_a_block_rests_on_its_feet_up_to_the_angle_of_friction(slope, feet):
     assert way == pytest.approx(0.5 * G * max(0.0, sine - 0.5 * cosine), abs=1e-10)
     held = sum(at[f'friction_force.foot{k}'][0] for k in range(feet))
     assert abs(held) == pytest.approx(10.0 * G * min(sine, 0.5 * cosine), abs=1e-7)
+    # feet that carry nothing lie within rounding of the floor: they end no steps
+    assert solution.stats.steps < 20
 
 
 @pytest.mark.parametrize('way', [1, -1])

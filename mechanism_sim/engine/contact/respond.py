@@ -507,8 +507,11 @@ def past_zero(run: EventArrays, fell: int) -> int:
         if seen[i] > 0.0 or i == fell:
             continue
         if i < m and run.gaps[MODE, i] == FLIES:
-            least = max(margin, bare) if run.gaps[RATED, i] else margin
-            if seen[i] <= -least and seen[count + i] < 0.0:
+            rated = run.gaps[RATED, i]
+            least = max(margin, bare) if rated else margin
+            # what leaves its place to others rests within rounding of zero, to either side
+            rests = not rated and seen[i] > -touching and seen[count + i] >= -bare
+            if seen[i] <= -least and seen[count + i] < 0.0 and not rests:
                 return i
             continue
         least = floor if i >= m else 0.0
