@@ -115,7 +115,9 @@ class Audit:
         self._largest_force = 0.0
         self._longest = 0.0  # segment so far [s]
         self._pulled = '', 0.0  # gap with the smallest force, and when [s]
-        self._powers: Array | None = None  # the largest so far [W]
+        # the largest so far [W]; at rest there are none but roundings, which no halving resolves
+        rounding = _ROUNDING.epsilon * physics.lifting_power
+        self._powers: Array = np.full(3, rounding / TOLERANCES.quadrature.negligible)
         self._exchanged = self._swing = self._error = 0.0  # [J] by powers, by energies
         # [J] largest kinetic, potential energy; reaction at ends of batches, times the size
         self._size = [0.0, 0.0, 0.0]

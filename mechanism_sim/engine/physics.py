@@ -49,12 +49,14 @@ class Physics(ABC):
     has_forces: bool = True  #: true if forces and energies are known, not only motion
     size: float  #: size of the mechanism [m], to which the rounding of positions is relative
     lifting_energy: float  #: [J] of the terms of a potential energy, see `Mechanism`
+    lifting_power: float  #: [W], see `Mechanism`
 
     def __init__(self, mechanism: Mechanism, undetermined: Mapping[str, frozenset[str]]) -> None:
         self.undetermined, self.coordinates = undetermined, mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
         self.displacements = mechanism.displacements
         self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
+        self.lifting_power = mechanism.lifting_power
 
     def observe(self, motion: Motion, segments: IndexArray, dt: Times) -> Observation:
         """The machine at times `dt` after the start of `segments`.

@@ -360,6 +360,12 @@ class Tree:
         """Weight of all links times the reach [J], a scale of rounding for any zero of height."""
         return sum(b.mass for b in self.bodies) * math.hypot(*self.gravity) * self.reach
 
+    @property
+    def lifting_power(self) -> float:
+        """Lifting energy over the time of a fall by the reach [W], of which rest is a rounding."""
+        energy = self.lifting_energy
+        return energy and energy * math.sqrt(math.hypot(*self.gravity) / self.reach)
+
     @cached_property
     def total_mass(self) -> float:
         """Mass of all links [kg], with their moments of inertia at the distance of the size."""

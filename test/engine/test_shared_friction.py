@@ -8,6 +8,7 @@ from scipy.integrate import quad, solve_ivp
 
 import mechanism_sim as ms
 from mechanism_sim.engine.contact.compliant import HuntCrossley
+from mechanism_sim.engine.physics import DynamicPhysics
 from test.hard.bodies import Floor, ThrownBody
 
 G = 9.81
@@ -65,6 +66,17 @@ def test_a_block_rests_on_its_feet_up_to_the_angle_of_friction(slope, feet):
     assert abs(held) == pytest.approx(10.0 * G * min(sine, 0.5 * cosine), abs=1e-7)
     # feet that carry nothing lie within rounding of the floor: they end no steps
     assert solution.stats.steps < 20
+
+
+def test_what_rounding_exchanges_at_rest_is_not_resolved(monkeypatch):
+    """Its work is known to a rounding of what gravity may exchange, and so is the balance."""
+    seen, account = [], DynamicPhysics.account
+    monkeypatch.setattr(
+        DynamicPhysics, 'account', lambda *x: seen.append(len(x[2])) or account(*x)
+    )
+    solution = ms.simulate(block())
+    assert sum(seen) <= 2 * len(solution.motion)
+    assert abs(solution.energy.residual) <= solution.energy.rounding
 
 
 @pytest.mark.parametrize('way', [1, -1])
